@@ -24,9 +24,9 @@ from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.statistics import FileStatistics, collect_statistics
 from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.record.markdown import escape, table_section
-from fedora_qa.record.tables import ABSENT, TextTable
+from fedora_qa.record.tables import ABSENT, TextTable, number_cell
 from fedora_qa.record.types import Scalar
-from fedora_qa.record.wording import number, with_error
+from fedora_qa.record.wording import with_error
 from fedora_qa.statistics.collector import Statistics
 
 NOTES: Final = (
@@ -141,29 +141,29 @@ def tables_of(by_file: Mapping[str, Statistics]) -> tuple[TextTable, ...]:
         sequence_rows.append(
             (
                 name,
-                _value(sequence, "duration_s"),
+                number_cell(sequence.get("duration_s")),
                 _with_error(motion, "distance", "m"),
                 _with_error(motion, "speed_max", "m_s"),
                 _with_error(motion, "angular_speed_max", "rad_s"),
-                _value(events, "count"),
+                number_cell(events.get("count")),
                 # MER, the mean event rate, in 1e6 events/s.
-                _value(sequence, "event_rate_mean_per_s", scale=1e-6),
-                _value(events, "brighter_share", scale=100.0),
+                number_cell(sequence.get("event_rate_mean_per_s"), 1e-6),
+                number_cell(events.get("brighter_share"), 100.0),
             )
         )
         for group, flow in statistics.items():
             if group.startswith("flow/"):
-                cells = (_value(flow, key) for key in ("mean_px", "variance_px2", "max_px"))
-                valid = _value(flow, "valid_share", scale=100.0)
+                cells = (number_cell(flow.get(key)) for key in ("mean_px", "variance_px2", "max_px"))
+                valid = number_cell(flow.get("valid_share"), 100.0)
                 flow_rows.append((name, group.removeprefix("flow/"), *cells, valid))
         depth, rgb = statistics.get("depth", {}), statistics.get("rgb", {})
         if depth or rgb:
-            spread = f"{_value(depth, 'min_m')} to {_value(depth, 'max_m')}" if depth else ABSENT
-            cells = (_value(depth, key) for key in ("mean_m", "disparity_mean_per_m"))
-            valid = _value(depth, "valid_share", scale=100.0)
-            image_rows.append((name, spread, *cells, valid, _value(rgb, "brightness_mean_dn")))
+            spread = f"{number_cell(depth.get('min_m'))} to {number_cell(depth.get('max_m'))}" if depth else ABSENT
+            cells = (number_cell(depth.get(key)) for key in ("mean_m", "disparity_mean_per_m"))
+            valid = number_cell(depth.get("valid_share"), 100.0)
+            image_rows.append((name, spread, *cells, valid, number_cell(rgb.get("brightness_mean_dn"))))
         if streams:
-            rate_rows.append((name, *(_value(statistics.get("rates", {}), key) for key in streams)))
+            rate_rows.append((name, *(number_cell(statistics.get("rates", {}).get(key)) for key in streams)))
     tables = (
         TextTable(
             "Sequences",
@@ -191,11 +191,6 @@ def tables_of(by_file: Mapping[str, Statistics]) -> tuple[TextTable, ...]:
         ),
     )
     return tuple(source for source in tables if source.rows)
-
-
-def _value(group: Mapping[str, Scalar], key: str, scale: float = 1.0) -> str:
-    value = group.get(key)
-    return number(scale * value) if isinstance(value, int | float) else ABSENT
 
 
 def _with_error(group: Mapping[str, Scalar], name: str, unit: str) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Literal
 
 from fedora_qa.comparison.types import ComparedFile, Comparison, Published, Subject
-from fedora_qa.record.tables import ABSENT, SOURCE, TextTable
+from fedora_qa.record.tables import ABSENT, SOURCE, TextTable, number_cell
 from fedora_qa.record.types import Scalar
 from fedora_qa.record.wording import number, with_error
 
@@ -86,17 +86,17 @@ def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
         sequences.append(
             (
                 name,
-                _value(sequence, "duration_s"),
+                number_cell(sequence.get("duration_s")),
                 _with_error(motion, "distance", "m"),
                 _with_error(motion, "speed_max", "m_s"),
                 _with_error(motion, "angular_speed_max", "rad_s"),
-                _value(sequence, "event_rate_mean_per_s", 1e-6),
+                number_cell(sequence.get("event_rate_mean_per_s"), 1e-6),
                 "",
             )
         )
     for name, values, source in _published(comparison, "sequences"):
         keys = ("duration_s", "distance_m", "speed_max_m_s", "angular_speed_max_rad_s")
-        event_rate = _value(values, "event_rate_mean_per_s", 1e-6)
+        event_rate = number_cell(values.get("event_rate_mean_per_s"), 1e-6)
         sequences.append((name, *(_text(values, key) for key in keys), event_rate, source))
 
     flow: list[tuple[str, ...]] = []
@@ -105,7 +105,7 @@ def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
         for group in dict.fromkeys(groups):
             mean, variance = _pooled([file.statistics[group] for file in subject.files if group in file.statistics])
             rate = f"{group.removeprefix('flow/').removesuffix('hz')} Hz"
-            flow.append((subject.name, rate, _text_or_absent(mean), _text_or_absent(variance), ""))
+            flow.append((subject.name, rate, number_cell(mean), number_cell(variance), ""))
     for name, values, source in _published(comparison, "flow"):
         flow.append((name, *(_text(values, key) for key in ("rate", "mean_px", "variance")), source))
 
@@ -113,8 +113,8 @@ def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
     for name, file in _distinct_names(subjects):
         depth = file.statistics.get("depth")
         if depth:
-            means = (_value(depth, key) for key in ("disparity_mean_per_m", "mean_m"))
-            disparity.append((name, *means, _value(depth, "valid_share", 100.0), ""))
+            means = (number_cell(depth.get(key)) for key in ("disparity_mean_per_m", "mean_m"))
+            disparity.append((name, *means, number_cell(depth.get("valid_share"), 100.0), ""))
     for name, values, source in _published(comparison, "disparity"):
         disparity.append((name, _text(values, "disparity_mean"), ABSENT, ABSENT, source))
     return (
@@ -221,11 +221,6 @@ def _rounded(rates: Group, key: str) -> str:
     return f"{value:.3g}" if isinstance(value, int | float) else ABSENT
 
 
-def _value(group: Group, key: str, scale: float = 1.0) -> str:
-    value = group.get(key)
-    return number(scale * value) if isinstance(value, int | float) else ABSENT
-
-
 def _text(values: Group, key: str) -> str:
     """Return a printed figure with all its digits."""
     value = values.get(key)
@@ -237,7 +232,3 @@ def _with_error(group: Group, name: str, unit: str) -> str:
     if not isinstance(value, int | float):
         return ABSENT
     return with_error(value, error if isinstance(error, int | float) else None, "")
-
-
-def _text_or_absent(value: float | None) -> str:
-    return ABSENT if value is None else number(value)

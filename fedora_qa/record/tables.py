@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from fedora_qa.record.types import Record, Scalar
+from fedora_qa.record.wording import number
 
 Kind = Literal["text", "texts", "integer", "integers", "number", "scalar"]
 """What a column holds: ``texts`` and ``integers`` hold several values in a cell, ``scalar`` one of any type."""
@@ -46,6 +47,11 @@ class TextTable:
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
     words: int = 2
+
+
+def number_cell(value: Scalar, scale: float = 1.0) -> str:
+    """Return ``scale`` times a number as a cell of a table of text; ``ABSENT`` for anything else."""
+    return number(scale * value) if isinstance(value, int | float) else ABSENT
 
 
 def tables_of(record: Record) -> tuple[Table, ...]:

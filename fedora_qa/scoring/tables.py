@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from fedora_qa.record.markdown import escape, table_section
-from fedora_qa.record.tables import ABSENT, TextTable
+from fedora_qa.record.tables import ABSENT, TextTable, number_cell
 from fedora_qa.record.wording import number
 from fedora_qa.scoring.types import Alignment, DepthScore, FlowScore, PoseScore, Score
 
@@ -42,9 +42,9 @@ def headlines(score: Score) -> tuple[str, ...]:
     parts = []
     for flow in score.flow:
         if flow.parts:
-            parts.append(f"{flow.stream}: NAEE {_number(flow.parts[0].naee)}, {_covered(flow.parts[0].coverage)}")
+            parts.append(f"{flow.stream}: NAEE {number_cell(flow.parts[0].naee)}, {_covered(flow.parts[0].coverage)}")
     if score.depth and score.depth.parts:
-        parts.append(f"depth: NADE {_number(score.depth.parts[0].nade)}, {_covered(score.depth.parts[0].coverage)}")
+        parts.append(f"depth: NADE {number_cell(score.depth.parts[0].nade)}, {_covered(score.depth.parts[0].coverage)}")
     if score.pose:
         errors = [error.rmse for error in score.pose.errors if error.metric == "ATE" and error.unit == "m"]
         ate = f"{number(errors[0])} m" if errors else ABSENT
@@ -82,10 +82,13 @@ def flow_tables(flows: Sequence[FlowScore]) -> Iterator[TextTable]:
         rows = tuple(
             (
                 part.part,
-                _percent(part.coverage),
-                *map(_number, (part.aee_px, part.mean_flow_px, part.naee)),
-                *map(_percent, (part.above_1px, part.above_2px, part.above_3px, part.outliers)),
-                _number(part.angular_error_deg),
+                number_cell(part.coverage, 100.0),
+                *map(number_cell, (part.aee_px, part.mean_flow_px, part.naee)),
+                *(
+                    number_cell(share, 100.0)
+                    for share in (part.above_1px, part.above_2px, part.above_3px, part.outliers)
+                ),
+                number_cell(part.angular_error_deg),
             )
             for part in flow.parts
         )
@@ -110,10 +113,10 @@ def depth_table(depth: DepthScore) -> TextTable:
     rows = tuple(
         (
             part.part,
-            _percent(part.coverage),
-            *map(_number, (part.ade_per_m, part.mean_disparity_per_m, part.nade)),
-            *map(_number, (part.abs_rel, part.rmse_m, part.log_rmse)),
-            _percent(part.within_1_25),
+            number_cell(part.coverage, 100.0),
+            *map(number_cell, (part.ade_per_m, part.mean_disparity_per_m, part.nade)),
+            *map(number_cell, (part.abs_rel, part.rmse_m, part.log_rmse)),
+            number_cell(part.within_1_25, 100.0),
         )
         for part in depth.parts
     )
@@ -128,7 +131,7 @@ def pose_tables(pose: PoseScore) -> Iterator[TextTable]:
         "Pose, normalised",
         ("of", "unit", "mean error", "mean truth", "NAE"),
         tuple(
-            (error.quantity, error.unit, number(error.mean_error), number(error.mean_truth), _number(error.nae))
+            (error.quantity, error.unit, number(error.mean_error), number(error.mean_truth), number_cell(error.nae))
             for error in pose.normalised
         ),
         f"{counted} {_NORMALISED_NOTE}",
@@ -158,12 +161,4 @@ def _steps(count: int) -> str:
 
 
 def _covered(coverage: float | None) -> str:
-    return f"{_percent(coverage)}% covered"
-
-
-def _number(value: float | None) -> str:
-    return ABSENT if value is None else number(value)
-
-
-def _percent(share: float | None) -> str:
-    return ABSENT if share is None else number(100.0 * share)
+    return f"{number_cell(coverage, 100.0)}% covered"

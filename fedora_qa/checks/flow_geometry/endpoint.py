@@ -16,11 +16,11 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_motion import motion_over
+from fedora_qa.views.depth_pairs import why_no_geometry
 from fedora_qa.views.flow_comparison import FieldError, compare_field, is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial, try_inverse_transforms
 from fedora_qa.views.flow_intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
 from fedora_qa.views.flow_parameter_fit import FlowParameterFit
-from fedora_qa.views.static_depth import why_no_static_depth
 
 _MOST_FOLLOW_UPS: Final = 8
 
@@ -210,12 +210,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
 
     def not_applicable(self, facts: Facts) -> str:
         """Return which assumption of the model does not hold; empty where all hold."""
-        camera = facts.declared.cameras.get("depth")
-        if camera is None:
-            return "the depth camera's intrinsics and mounting are not declared"
-        if camera.model != "pinhole":
-            return f"the depth camera is declared as {camera.model}; the check needs a pinhole"
-        return why_no_static_depth(facts)
+        return why_no_geometry(facts)
 
     def measure(self, window: Window) -> WindowErrors | None:
         """Compare every field that the window owns."""
