@@ -31,7 +31,7 @@ from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_parameter_fit import FlowParameterFit
-from fedora_qa.views.inertial_agreement import InertialConventionTrial, MotionKind
+from fedora_qa.views.inertial_convention_trial import InertialConventionTrial
 
 Faults = Iterator[ReversibleFault]
 

@@ -16,11 +16,13 @@ the change by twice as many knots, which is the part that smoothing may have rem
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final, Self, cast
+from typing import TYPE_CHECKING, Final, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, make_lsq_spline
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 Float64 = NDArray[np.float64]
 
@@ -167,7 +169,7 @@ class _SegmentFit:
     """A spline through a segment, and the standard deviation of each of three axes about it."""
 
     segment: _Segment
-    curve: BSpline
+    curve: "BSpline"
     pieces: int
     sigma: float
     score: float
@@ -176,6 +178,8 @@ class _SegmentFit:
     @classmethod
     def to(cls, segment: _Segment, pieces: int) -> Self:
         """Fit a spline; its pieces hold equally many samples, so that none is empty where samples are missing."""
+        from scipy.interpolate import make_lsq_spline  # noqa: PLC0415 - slow to load, and only poses need it
+
         times_s, count = segment.times_s, len(segment.times_s)
         inner = np.interp(np.linspace(0, count - 1, pieces + 1)[1:-1], np.arange(count), times_s)
         # End knots degree + 1 times: the spline ends at its first and last sample.
@@ -199,8 +203,10 @@ class _SegmentFit:
         """Return the fit with twice the pieces, or this fit where that leaves too few residuals."""
         return self.to(self.segment, 2 * self.pieces) if _allowed(self.segment, 2 * self.pieces) else self
 
-    def repeated(self, noise: _Noise, random: np.random.Generator) -> BSpline:
+    def repeated(self, noise: _Noise, random: np.random.Generator) -> "BSpline":
         """Return the curves (repetitions, d) fitted with other noise; the fit is linear in the data."""
+        from scipy.interpolate import BSpline, make_lsq_spline  # noqa: PLC0415 - slow to load, and only poses need it
+
         times_s = self.segment.times_s
         fitted = np.repeat(self.curve(times_s)[:, None], _REPETITIONS, axis=1)
         of_noise = make_lsq_spline(times_s, self.sigma * noise(fitted, random), self.curve.t, _DEGREE)
@@ -249,7 +255,7 @@ def _without_noise(fits: Sequence[_SegmentFit], speeds: _Speeds, noise: _Noise) 
     return np.maximum(measured - excess, 0.0), np.sqrt(repeated.var(axis=1, ddof=1) + excess**2)
 
 
-def _length_and_maximum(fits: Sequence[_SegmentFit], curves: Sequence[BSpline], speeds: _Speeds) -> Float64:
+def _length_and_maximum(fits: Sequence[_SegmentFit], curves: "Sequence[BSpline]", speeds: _Speeds) -> Float64:
     """Return length and greatest speed, (2,), or (2, repetitions) where the curves are repeated.
 
     Integrates by Gauss's two-point rule on each interval; the maximum is over its points and the samples.

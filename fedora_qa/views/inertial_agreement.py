@@ -8,15 +8,15 @@ import numpy as np
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import group_of
-from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates
+from fedora_qa.estimators.imu.conventions import explain_forces, explain_rates
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
 from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, fit_inertial
 from fedora_qa.estimators.imu.specific_force import upright
 from fedora_qa.estimators.imu.summary import InertialFit
-from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
+from fedora_qa.views.inertial_convention_trial import InertialConventionTrial
 from fedora_qa.views.motion_samples import (
     imu_model,
     inertial_noise,
@@ -36,9 +36,6 @@ _FEWEST_POSES: Final = 16
 
 _EXCESS_SIGMAS: Final = 6.0
 """Standard errors by which residuals must exceed noise and model for other conventions to be tried."""
-
-_CERTAIN_SIGMAS: Final = 8.0
-"""Standard errors that exceed the limit of any file, for any number of comparisons."""
 
 _EDGE_STEPS: Final = 1.5
 """Steps of the poses at either end of a local disturbance that may hold samples of both kinds."""
@@ -90,28 +87,6 @@ class WindowMotion:
     imu: ImuSamples | None
     poses: PoseSamples | None
     cache: StreamsCache = field(default_factory=StreamsCache, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class InertialConventionTrial(Feature):
-    """A convention under which IMU and poses agree where they do not as declared.
-
-    Attributes
-    ----------
-    convention
-        The convention, with its residual and that of the declared convention.
-    interval_s
-        Start and end of the time in which it holds, s; None for the whole sequence.
-    """
-
-    convention: InertialConvention
-    interval_s: tuple[float, float] | None = None
-
-    @property
-    def is_certain(self) -> bool:
-        """Whether the disagreement exceeds ``_CERTAIN_SIGMAS`` standard errors: no other measurement is then needed."""
-        value, error = self.convention.disagreement
-        return value - 1.0 > _CERTAIN_SIGMAS * error
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,13 +10,12 @@ from fedora_qa.checks.protocol import Observation, Statistic
 from fedora_qa.conventions import NS_PER_S, US_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import ParameterEstimate, group_of
 from fedora_qa.estimators.fitting.sensitivity import SensitivityRange, sensitivity_range
-from fedora_qa.estimators.imu.conventions import InertialConvention
+from fedora_qa.estimators.imu.inertial_convention import InertialConvention
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import (
-    InertialConventionTrial,
     InertialStreams,
     MotionKind,
     WindowMotion,
@@ -26,6 +25,7 @@ from fedora_qa.views.inertial_agreement import (
     is_implausible,
     streams_of,
 )
+from fedora_qa.views.inertial_convention_trial import InertialConventionTrial
 from fedora_qa.views.motion_samples import location_of, pose_model
 from fedora_qa.views.sample_defects import frozen_imu, frozen_poses, pose_defects, timestamp_defects
 

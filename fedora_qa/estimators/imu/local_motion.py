@@ -12,7 +12,6 @@ from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from fedora_qa.geometry import so3
 
@@ -291,6 +290,8 @@ def find_steps(times_ns: Int64, curve: SampledCurve, *, half_width: int, degree:
     difference_gains = np.linalg.norm(weights - lower_weights, axis=-1)[pattern_of_row]
     motion = np.abs(sizes - lower_sizes).max(axis=-1, initial=0.0)
     beyond_noise = np.where(motion > _BEYOND_NOISE_SIGMAS * sigma * difference_gains, motion, 0.0)
+    from scipy.ndimage import maximum_filter1d  # noqa: PLC0415 - slow to load, and only poses and the IMU need it
+
     nearby = maximum_filter1d(beyond_noise, 2 * half_width + 1, mode="nearest") if len(before) else beyond_noise
     return StepEstimates(before, sizes, gains, nearby, half_width)
 
