@@ -5,7 +5,6 @@ from math import degrees, hypot, sqrt
 from typing import Final
 
 from fedora_qa.checks.imu.agreement import (
-    BiasOfPart,
     InertialParameter,
     RepeatsNearby,
     ResidualSmoothness,
@@ -17,14 +16,13 @@ from fedora_qa.diagnosis.motion import axes_cause, defect_hypotheses, noise_hypo
 from fedora_qa.diagnosis.support import support
 from fedora_qa.diagnosis.timing_cues import TimingCues, gravity_likelihoods, timing_cues_of
 from fedora_qa.estimators.fitting.grouped_fit import group_of
+from fedora_qa.estimators.imu.inertial_convention import InertialConvention
 from fedora_qa.faults.reversible import signed_length
 from fedora_qa.features import Feature
-from fedora_qa.estimators.imu.inertial_convention import InertialConvention
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.inertial_agreement import MotionKind
-from fedora_qa.views.inertial_convention_trial import InertialConventionTrial
+from fedora_qa.views.inertial_features import BiasOfPart, InertialConventionTrial, MotionKind
 
 _LEAST_EXPLAINED: Final = 0.5
 """Explained share above which a group of parameters becomes a rival of the freed one."""

@@ -9,8 +9,6 @@ from typing import Any, Final, get_args
 import numpy as np
 
 from fedora_qa.causes import stream_family
-from fedora_qa.checks.images.transfer import CodesBent
-from fedora_qa.checks.imu.agreement import BiasOfPart
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_vector, measured, rgb_px_per_event_px, vector
 from fedora_qa.faults import (
@@ -31,7 +29,8 @@ from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_parameter_fit import FlowParameterFit
-from fedora_qa.views.inertial_convention_trial import InertialConventionTrial
+from fedora_qa.views.inertial_features import BiasOfPart, InertialConventionTrial, MotionKind
+from fedora_qa.views.transfer_codes import CodesBent
 
 Faults = Iterator[ReversibleFault]
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
-from fedora_qa.views.inertial_convention_trial import InertialConventionTrial
+from fedora_qa.views.inertial_features import InertialConventionTrial, MotionKind
 from fedora_qa.views.motion_samples import (
     imu_model,
     inertial_noise,
@@ -29,8 +29,6 @@ from fedora_qa.views.motion_samples import (
     pose_model,
     why_unusable,
 )
-
-MotionKind = Literal["rotation", "translation"]
 
 _FEWEST_POSES: Final = 16
 

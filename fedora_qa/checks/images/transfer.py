@@ -1,15 +1,14 @@
 """Colours against events: the transfer curve."""
 
-from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
 from fedora_qa.checks.images.event_colours import ColourCheck, ColourResponse
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.transfer_codes import CodesBent
 
 LEVEL_BIAS: Final = 0.04
 """Bias of the exponent by errors of the level between events: not derived, but measured.
@@ -20,19 +19,6 @@ Correct files of all scenes give 0.963 to 0.992 with either model; closed-form f
 EXPOSURE_BIAS: Final = 0.05
 EXPOSURE_OF_BIAS_US: Final = 5_000.0
 """An exposure of 5 ms reduces the contrast by 5%; the loss grows with the square of the time."""
-
-
-@dataclass(frozen=True, slots=True)
-class CodesBent(Feature):
-    """Codes are absent as under a power law that was applied to rounded values.
-
-    Attributes
-    ----------
-    exponent
-        Of the power law.
-    """
-
-    exponent: float
 
 
 class ImagesTransfer(ColourCheck):

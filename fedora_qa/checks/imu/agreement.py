@@ -17,7 +17,6 @@ from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import (
     InertialStreams,
-    MotionKind,
     WindowMotion,
     convention_trial,
     coverage_of,
@@ -25,7 +24,7 @@ from fedora_qa.views.inertial_agreement import (
     is_implausible,
     streams_of,
 )
-from fedora_qa.views.inertial_convention_trial import InertialConventionTrial
+from fedora_qa.views.inertial_features import BiasOfPart, InertialConventionTrial, MotionKind
 from fedora_qa.views.motion_samples import location_of, pose_model
 from fedora_qa.views.sample_defects import frozen_imu, frozen_poses, pose_defects, timestamp_defects
 
@@ -136,29 +135,6 @@ class RepeatsNearby(Feature):
 
     stream: str
     count: int
-
-
-@dataclass(frozen=True, slots=True)
-class BiasOfPart(Feature):
-    """The bias of a part of the sequence that removes most of the residuals.
-
-    Attributes
-    ----------
-    kind
-        Kind of the comparison.
-    bias
-        (3,) along the axes of the sensor, rad/s or m/s^2.
-    start_ns, stop_ns
-        Of the part, ns from the file's origin; infinite where it reaches an end of the sequence.
-    explained
-        Share of the squares beyond noise that it removes, 0 to 1.
-    """
-
-    kind: MotionKind
-    bias: tuple[float, float, float]
-    start_ns: float
-    stop_ns: float
-    explained: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.inertial_agreement import (
-    MotionKind,
     WindowMotion,
     convention_trial,
     coverage_of,
@@ -22,6 +21,7 @@ from fedora_qa.views.inertial_agreement import (
     motion_of,
     streams_of,
 )
+from fedora_qa.views.inertial_features import MotionKind
 from fedora_qa.views.sample_defects import timestamp_defects
 
 _RESOLVED_SIGMAS: Final = 6.0

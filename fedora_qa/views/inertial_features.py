@@ -1,10 +1,12 @@
-"""A convention under which IMU and poses agree, as a feature."""
+"""Features of an IMU that disagrees with poses: a convention under which they agree, and a bias of a part."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 from fedora_qa.estimators.imu.inertial_convention import InertialConvention
 from fedora_qa.features import Feature
+
+MotionKind = Literal["rotation", "translation"]
 
 _CERTAIN_SIGMAS: Final = 8.0
 """Standard errors that exceed the limit of any file, for any number of comparisons."""
@@ -30,3 +32,26 @@ class InertialConventionTrial(Feature):
         """Whether the disagreement exceeds ``_CERTAIN_SIGMAS`` standard errors: no other measurement is then needed."""
         value, error = self.convention.disagreement
         return value - 1.0 > _CERTAIN_SIGMAS * error
+
+
+@dataclass(frozen=True, slots=True)
+class BiasOfPart(Feature):
+    """The bias of a part of the sequence that removes most of the residuals.
+
+    Attributes
+    ----------
+    kind
+        Kind of the comparison.
+    bias
+        (3,) along the axes of the sensor, rad/s or m/s^2.
+    start_ns, stop_ns
+        Of the part, ns from the file's origin; infinite where it reaches an end of the sequence.
+    explained
+        Share of the squares beyond noise that it removes, 0 to 1.
+    """
+
+    kind: MotionKind
+    bias: tuple[float, float, float]
+    start_ns: float
+    stop_ns: float
+    explained: float
