@@ -1,6 +1,6 @@
 """Write chunks of Blosc that threads compress, without HDF5, which compresses one chunk at a time.
 
-The bytes are those of HDF5's filters: Blosc as the dataset states it, then the checksum. Every reader decodes them.
+A reader sees no difference: the codec, its level and shuffle are those of the dataset, and the checksum follows.
 """
 
 from collections import deque
