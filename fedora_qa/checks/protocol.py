@@ -228,7 +228,7 @@ class WindowCheck(Check[list[Summary]], Generic[Summary]):
 
     def update(self, state: list[Summary], window: Window) -> None:
         """Append the window's summary, if it has one."""
-        summary = self.measure(window)
+        summary = window.derived(self.measure)
         if summary is not None:
             state.append(summary)
 

@@ -7,7 +7,8 @@ from typing import Final
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.faults.reversible import ReversibleFault
 
-_HALF: Final = 0.5
+HALF: Final = 0.5
+"""Part of a deviation that a fault leaves at most where undoing it reduces the deviation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,8 @@ class UndoTrial:
         Ids of findings that still exceed their limits, with the ratio of the deviation to that without the trial,
         negative where its sign has changed. A finding that is neither cleared nor left was not decided.
     caused
-        Codes that exceed their limits only with the fault undone.
+        Codes that exceed their limits only with the fault undone; of a fault that fails, only those of checks with
+        findings.
     windows
         Number of windows that were measured.
     crashed
@@ -85,7 +87,7 @@ class UndoTrial:
     @property
     def fails(self) -> bool:
         """Whether undoing the fault clears nothing, and leaves more than half of each deviation that is shown."""
-        return not self.cleared and bool(self.left) and min(abs(ratio) for ratio in self.left.values()) > _HALF
+        return not self.cleared and bool(self.left) and min(abs(ratio) for ratio in self.left.values()) > HALF
 
     @property
     def reduces(self) -> bool:

@@ -8,16 +8,18 @@ from typing import Any
 import numpy as np
 
 from fedora_qa.checks.protocol import Check, Observation
-from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.measure import PassState, conclude, follow_up, measure, merge, start
-from fedora_qa.engine.plan import make_plan, sampling_of
+from fedora_qa.engine.plan import cut_windows, make_plan, sampling_of, window_length_ns
 from fedora_qa.engine.progress import quiet
-from fedora_qa.engine.survey import Prepared, prepare
+from fedora_qa.engine.survey import Prepared, frame_pixels
+from fedora_qa.engine.views import SequenceViews
 from fedora_qa.faults.fault import Fault, FaultySequence
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.layout.canonical import spec_of
 from fedora_qa.record.types import Result
+from fedora_qa.sequence.inputs import Inputs
+from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.window import Span
 from fedora_qa.views.storage_steps import stored_steps
@@ -54,7 +56,14 @@ class WindowPass:
 class PlainRun:
     """The run of a file, unaltered or with faults undone: its rows, what the checks observed on them, and the options.
 
-    ``strict`` holds the results by the limits alone, by check: altered rows are judged by these.
+    Attributes
+    ----------
+    strict
+        The results by the limits alone, by check: altered rows are judged by these.
+    views
+        What altered views of the file share.
+    altered
+        Keys of the datasets that differ from those of the file.
     """
 
     sequence: SequenceRows
@@ -62,35 +71,39 @@ class PlainRun:
     observations: Mapping[str, Observation]
     strict: Mapping[str, Result]
     effort: Effort
-    memory_bytes: int
     false_alarm_rate: float
+    views: SequenceViews
+    altered: Inputs = frozenset()
 
     def planned(self, ready: Prepared) -> list[Span]:
         """Return the windows of the plan among those of a prepared sequence."""
         plan = make_plan(self.effort, len(ready.spans), ready.scanned.cell_ns)
         return [ready.spans[number] for number in plan.chosen]
 
-    def altered(self, fault: Fault) -> Prepared:
+    def altered_by(self, fault: Fault) -> Prepared:
         """Prepare the view of the sequence with a fault planted or undone."""
-        view = FaultySequence(self.sequence, fault)
+        view, ready = FaultySequence(self.sequence, fault), self.ready
+        streams = {spec_of(key).stream for key in fault.rows}
+        kept = {key: step for key, step in ready.facts.steps.items() if spec_of(key).stream not in streams}
         if fault.moves_time:
-            return prepare(view, self.memory_bytes)
-        ready = self.ready
+            scanned = scan(view, window_length_ns(view))
+            ready = replace(ready, scanned=scanned, spans=cut_windows(scanned), frame_pixels=frame_pixels(view.layout))
         facts = replace(ready.facts, declared=view.declared, layout=view.layout)
         # Altered values are stored in other steps.
-        altered = {spec_of(key).stream for key in fault.rows}
-        kept = {key: step for key, step in facts.steps.items() if spec_of(key).stream not in altered}
-        facts = replace(facts, steps=kept | stored_steps(view, facts, altered))
-        # Blocks and images of the plain run hold values without the alteration, so none may be reused.
-        decoder = BlockDecoder(view, ready.scanned, ready.decoder.leases.limit_bytes)
-        return replace(ready, scanned=replace(ready.scanned, facts=facts), decoder=decoder)
+        facts = replace(facts, steps=kept | stored_steps(view, facts, streams & facts.streams))
+        ready = replace(ready, scanned=replace(ready.scanned, facts=facts))
+        return self.views.prepared(view, ready, self._rows_altered_by(fault))
+
+    def _rows_altered_by(self, fault: Fault) -> Inputs:
+        bindings = self.sequence.layout.bindings
+        bound = (fault.layout or self.sequence.layout).bindings
+        return self.altered.union(fault.rows, (key for key in bound if bound[key] is not bindings.get(key)))
 
     def without(
         self,
         undoing: Fault,
         checks: Sequence[Check[Any]],
         affected: Sequence[Check[Any]],
-        inner: WindowPass | None = None,
     ) -> "PlainRun":
         """Return the run of the sequence with a fault undone.
 
@@ -101,21 +114,22 @@ class PlainRun:
         checks
             All that were asked.
         affected
-            Those that measure again, in all windows of the plan and in those that they name for a second look.
-        inner
-            As for ``judged``: a pass of ``affected`` with the fault undone.
+            Those that measure again, in all windows of the plan and in those that they name for a second look. Passes
+            of trials are of no use here: they measure no features, by which further causes are proposed.
         """
         # Both runs are kept: only the one that measures holds decoded rows.
         self.ready.decoder.leases.forget()
-        ready = self.altered(undoing)
+        ready = self.altered_by(undoing)
         facts, spans = ready.facts, self.planned(ready)
-        states = self._measured(affected, spans, ready, inner)
-        follow_up(affected, states, spans, facts, ready.decoder, sampling_of(self.effort, ready.frame_pixels), quiet)
+        sampling = sampling_of(self.effort, ready.frame_pixels)
+        states = measure(affected, spans, facts, ready.decoder, sampling, quiet)
+        follow_up(affected, states, spans, facts, ready.decoder, sampling, quiet)
         observations = {**self.observations, **conclude(affected, states, facts)}
         strict = {each.result.check: each.result for each in judge(observations, checks, self.false_alarm_rate)}
         view = FaultySequence(self.sequence, undoing)
         ready.decoder.leases.forget()
-        return replace(self, sequence=view, ready=ready, observations=observations, strict=strict)
+        altered = self._rows_altered_by(undoing)
+        return replace(self, sequence=view, ready=ready, observations=observations, strict=strict, altered=altered)
 
     def judged(
         self, checks: Sequence[Check[Any]], spans: Sequence[Span], altered: Prepared, inner: WindowPass | None = None
@@ -137,16 +151,26 @@ class PlainRun:
             measured again: states merge to the same bits. It must not be continued twice.
         """
         states = self._measured(checks, spans, altered, inner)
-        # By the limits of the plain run, whose comparisons share one false-alarm rate.
         observed = conclude(checks, states, altered.facts)
+        return WindowPass(self.judge_observed(checks, observed), spans, states, observed)
+
+    def widened(
+        self, part: WindowPass, others: Sequence[Check[Any]], checks: Sequence[Check[Any]], altered: Prepared
+    ) -> WindowPass:
+        """Return the pass of some checks, of which a part has measured its windows and the others have not yet."""
+        states = merge(checks, part.states, self._measured(others, part.spans, altered, None))
+        observed = {**part.observations, **conclude(others, states, altered.facts)}
+        return WindowPass(self.judge_observed(checks, observed), part.spans, states, observed)
+
+    def judge_observed(self, checks: Sequence[Check[Any]], observed: Mapping[str, Observation]) -> tuple[Judged, ...]:
+        """Judge what some checks observe by the limits of the plain run: all share one false-alarm rate."""
         measured = [check for check in checks if check.name in observed]
-        judged = judge({**self.observations, **observed}, measured, self.false_alarm_rate)
-        return WindowPass(judged, spans, states, observed)
+        return judge({**self.observations, **observed}, measured, self.false_alarm_rate)
 
     def _measured(
         self, checks: Sequence[Check[Any]], spans: Sequence[Span], altered: Prepared, inner: WindowPass | None
     ) -> PassState:
-        sampling = sampling_of(self.effort, altered.frame_pixels)
+        sampling = replace(sampling_of(self.effort, altered.frame_pixels), features=False)
         before, after = _outside(spans, inner)
         parts = [
             measure(checks, part, altered.facts, altered.decoder, sampling, quiet) for part in (before, after) if part

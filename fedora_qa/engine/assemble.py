@@ -15,6 +15,7 @@ from fedora_qa.engine.progress import MEASURING, Progress, Stopwatch
 from fedora_qa.engine.stream_agreement import keep_agreement
 from fedora_qa.engine.survey import OpenSurvey, Prepared, Survey
 from fedora_qa.engine.trial_evidence import keep_trials
+from fedora_qa.engine.views import SequenceViews
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.evidence.options import EvidenceOptions
@@ -63,9 +64,19 @@ def assemble(
         judged = judge(observations, asked, options.false_alarm_rate, materiality)
         alarms = [alarm for result in judged for alarm in result.alarms]
         strict = {j.result.check: j.result for j in judge(observations, asked, options.false_alarm_rate)}
+    views = SequenceViews.of(file.sequence, ready)
     plain = PlainRun(
-        file.sequence, ready, observations, strict, options.effort, options.memory_bytes, options.false_alarm_rate
+        file.sequence,
+        views.prepared(file.sequence, ready, frozenset()),
+        observations,
+        strict,
+        options.effort,
+        options.false_alarm_rate,
+        views,
     )
+    if alarms:
+        # Views decode rows for themselves.
+        ready.decoder.leases.forget()
     with watch.stage("diagnosis"):
         # Within a budget a file is judged several times, and every second belongs to its windows.
         causes = name_causes(alarms, asked, plain, materiality, progress, with_trials=options.budget_s is None)

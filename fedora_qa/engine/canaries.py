@@ -111,7 +111,7 @@ def _plant_ever_larger(check: Check[Any], plant: PlantCanary, result: Result, ru
 
 def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, known_rules: frozenset[str]) -> Proof:
     """Plant a fault on ever more windows; a finding of a rule that is not in ``known_rules`` is a detection."""
-    faulty = run.altered(fault)
+    faulty = run.altered_by(fault)
     canary, reason = Canary(check.name, "silent", fault.description), ""
     inner: WindowPass | None = None
     # Windows of the faulty sequence: a fault that moves time is cut into other windows than the file.

@@ -80,8 +80,10 @@ class BlockDecoder:
 
     def _is_ahead(self, key: Hashable) -> bool:
         """Whether a block holds rows of the latest window or of later ones; False for a result of an image."""
-        name, number = cast("tuple[str, int]", key)
-        first = self._first_rows.get(spec_of(name).stream) if is_dataset_key(name) else None
+        name, number = cast("tuple[Hashable, int]", key)
+        if not isinstance(name, str) or not is_dataset_key(name):
+            return False
+        first = self._first_rows.get(spec_of(name).stream)
         return first is not None and (number + 1) * self._sequence.chunk_rows(name) > first
 
     def _decode(self, key: str, number: int, rows: int) -> Block:

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.protocol import Observation
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.diagnosis.trial import DeviationChange, UndoTrial
@@ -114,13 +115,24 @@ def _size_course(group: str, diagnosis: Diagnosis, trial: UndoTrial, bench: Tria
     count = bench.affordable(len(faults), len(checks), min(_MOST_WINDOWS, trial.windows))
     if not count:
         return TitledArrays()
-    ratios = [bench.ratios(fault, alarms, checks, count) or [np.nan] * len(alarms) for fault in faults]
+    observed = _observed(trial, names) if bench.windows.get(trial.fault) == trial.windows == count else None
+    ratios = [
+        bench.ratios(fault, alarms, checks, count, observed if fault == trial.fault else None) or [np.nan] * len(alarms)
+        for fault in faults
+    ]
     sizes = diagnosis.magnitude * np.array(_SHARES)
     course = _worst_by_size(sizes, np.array(ratios))
     across = f"x {diagnosis.cause} of {diagnosis.stream} that is undone [{diagnosis.unit}]"
     title = f"Deviation by the size that is undone; {across}; y largest deviation, in limits [1]"
     entry = {named(group, "size"): (course, title)}
     return TitledArrays.titled(entry) if len(course) >= _FEWEST_POINTS else TitledArrays()
+
+
+def _observed(trial: UndoTrial, names: Set[str]) -> dict[str, Observation] | None:
+    """Return what a trial observed of some checks with its fault undone; None where it did not keep all of them."""
+    if not names <= trial.observations.keys():
+        return None
+    return {name: trial.observations[name][1] for name in names}
 
 
 def _resized(share: float, diagnosis: Diagnosis, trial: UndoTrial, bench: TrialBench) -> ReversibleFault | None:
@@ -191,7 +203,7 @@ def _pictures(
     if not spans:
         return TitledArrays()
     facts = run.ready.facts
-    altered = run.altered(fault.undo(facts, run.sequence))
+    altered = run.altered_by(fault.undo(facts, run.sequence))
     span, time_ns = _instant(diagnosis, spans, facts)
     displaced = diagnosis.cause in _DISPLACEMENTS
     width_px = _UNLIMITED_PX if displaced else fitting_width_px(facts, options, 2 * options.trials)

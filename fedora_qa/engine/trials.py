@@ -18,7 +18,7 @@ from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.diagnosis.trial import DeviationChange, UndoTrial
+from fedora_qa.diagnosis.trial import HALF, DeviationChange, UndoTrial
 from fedora_qa.engine.altered import PlainRun, WindowPass
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
@@ -42,6 +42,10 @@ _STRAIGHT: Final = 0.8
 
 _SIZED: Final = 0.05
 """Least relative change of a size by a second fit for which the fault is tried again."""
+
+_FAR: Final = 2.0
+"""Ratio of a deviation to its limit from which other comparisons do not decide. For twice as many standard errors at a
+false-alarm rate of 1e-3 there would have to be 1e13 comparisons in place of a hundred."""
 
 _SHARE_OF_A_FAULT: Final = 0.5
 """Most of the work that is left which further windows of one fault may take."""
@@ -74,16 +78,18 @@ class TrialBench:
         The plain run.
     work
         Of all trials of the file.
+    windows
+        How many the latest trial of a fault measured, where undoing it reduces deviations.
     """
 
     alarms: Sequence[Alarm]
     checks: Sequence[Check[Any]]
     run: PlainRun
     work: TrialWork
+    windows: dict[ReversibleFault, int] = field(init=False, default_factory=dict)
     _plain: dict[int, list[tuple[Alarm, Measurement]]] = field(init=False, default_factory=dict)
     _plain_observations: dict[int, Mapping[str, Observation]] = field(init=False, default_factory=dict)
     _plain_pass: WindowPass | None = field(init=False, default=None)
-    _passes: dict[ReversibleFault, WindowPass] = field(init=False, default_factory=dict)
 
     @staticmethod
     def of(alarms: Sequence[Alarm], checks: Sequence[Check[Any]], run: PlainRun) -> "TrialBench":
@@ -97,7 +103,7 @@ class TrialBench:
             return None
         try:
             undoing = fault.undo(self.run.ready.facts, self.run.sequence)
-            prepared = self.run.altered(undoing)
+            prepared = self.run.altered_by(undoing)
         # Rows that are damaged, or a size without meaning: what cannot be undone is not tested, and the record stands.
         except Exception:  # noqa: BLE001 - any error of a trial costs this trial only
             return None
@@ -114,7 +120,19 @@ class TrialBench:
             # Half of the work stays for rivals, without which nothing is confirmed.
             if count * len(affected) > self.work.left * (_SHARE_OF_A_FAULT if trial else 1.0):
                 break
-            inner = self._judged(affected, self._spans_of(prepared, count), prepared, inner)
+            spans = self._spans_of(prepared, count)
+            if inner is None:
+                # A fault that clears nothing is the cause of nothing, whatever it changes in the other checks.
+                self.work.take(len(spans) * len(affected))
+                of_alarms = [check for check in affected if check.name in failed]
+                part = self.run.judged(of_alarms, spans, prepared)
+                if self._leaves_all(part, count):
+                    trial = self._compared(fault, undoing, part, count)
+                    break
+                others = [check for check in affected if check.name not in failed]
+                inner = self.run.widened(part, others, affected, prepared)
+            else:
+                inner = self._judged(affected, spans, prepared, inner)
             trial = self._compared(fault, undoing, inner, count)
             decided = len(trial.cleared) + len(trial.left)
             # Where the windows show a finding and the fault clears none, or brings others about, more windows change
@@ -122,7 +140,7 @@ class TrialBench:
             if (decided and not trial.cleared) or trial.caused or decided == len(self.alarms):
                 break
         if trial is not None and inner is not None and trial.reduces:
-            self._passes[fault] = inner
+            self.windows[fault] = len(inner.spans)
         return trial
 
     def without(self, trial: UndoTrial, materiality: Materiality) -> "TrialBench | None":
@@ -130,23 +148,28 @@ class TrialBench:
 
         None where less work is left than that takes, or where what was altered cannot be measured.
         """
-        run, inner = self.run, self._passes.pop(trial.fault, None)
+        run = self.run
         affected = self._affected(trial.fault, {check_of(alarm) for alarm in self.alarms})
-        # Second looks count neither here nor in what the run itself measured.
-        work = (len(run.planned(run.ready)) - (len(inner.spans) if inner else 0)) * len(affected)
+        # Second looks count neither here nor in what the run itself measured, and windows of the trial no second time.
+        work = (len(run.planned(run.ready)) - self.windows.get(trial.fault, 0)) * len(affected)
         if work > self.work.left:
             return None
         self.work.take(work)
         try:
             undoing = trial.fault.undo(run.ready.facts, run.sequence)
-            run = run.without(undoing, self.checks, affected, inner)
+            run = run.without(undoing, self.checks, affected)
             judged = judge(run.observations, self.checks, run.false_alarm_rate, materiality)
         except Exception:  # noqa: BLE001 - as in ``undo``
             return None
         return TrialBench([alarm for each in judged for alarm in each.alarms], self.checks, run, self.work)
 
     def ratios(
-        self, fault: ReversibleFault | None, alarms: Sequence[Alarm], checks: Sequence[Check[Any]], count: int
+        self,
+        fault: ReversibleFault | None,
+        alarms: Sequence[Alarm],
+        checks: Sequence[Check[Any]],
+        count: int,
+        observed: Mapping[str, Observation] | None = None,
     ) -> list[float] | None:
         """Return deviations over their limits in some windows, with a fault undone or with none.
 
@@ -160,6 +183,9 @@ class TrialBench:
             Their checks.
         count
             Number of windows, of those of a trial.
+        observed
+            What a trial of the fault observed in these windows, which are not measured again; None where there was
+            none. The work counts in either case, so that it does not depend on what is kept.
 
         Returns
         -------
@@ -171,13 +197,19 @@ class TrialBench:
         if fault is not None:
             try:
                 undoing = fault.undo(self.run.ready.facts, self.run.sequence)
-                prepared = self.run.altered(undoing)
+                prepared = self.run.altered_by(undoing)
             except Exception:  # noqa: BLE001 - as in ``undo``
                 return None
             if undoing.moves_time:
                 self.work.take(len(self.run.planned(self.run.ready)))
-        judged = _by_check(self._judged(checks, self._spans_of(prepared, count), prepared, None).judged)
-        return [_ratio_to_limit(judged.get(check_of(alarm)), alarm) for alarm in alarms]
+        spans = self._spans_of(prepared, count)
+        if observed is None:
+            judged = self._judged(checks, spans, prepared, None).judged
+        else:
+            self.work.take(len(spans) * len(checks))
+            judged = self.run.judge_observed(checks, observed)
+        results = _by_check(judged)
+        return [_ratio_to_limit(results.get(check_of(alarm)), alarm) for alarm in alarms]
 
     def affordable(self, passes: int, checks: int, most: int) -> int:
         """Return the most windows of a trial, up to ``most``, that several passes of some checks may measure yet.
@@ -252,6 +284,21 @@ class TrialBench:
                 if check in altered.observations
             },
         )
+
+    def _leaves_all(self, altered: WindowPass, count: int) -> bool:
+        """Whether undoing a fault leaves more than half of each deviation, and twice its limit whatever else is judged.
+
+        Limits grow with the number of comparisons in all checks, and are not doubled by any number that occurs.
+        """
+        judged = _by_check(altered.judged)
+        for alarm, deviating in self._deviations(count):
+            after = judged.get(check_of(alarm))
+            again = None if after is None or after.outcome == "not_observable" else _measurement(after, alarm)
+            if again is None or again.limit is None or not again.exceeds_limit:
+                return False
+            if abs(_counted(again)) <= _FAR * again.limit or abs(_ratio(again, deviating)) <= HALF:
+                return False
+        return True
 
     def _judged(
         self, checks: Sequence[Check[Any]], spans: Sequence[Span], prepared: Prepared, inner: WindowPass | None

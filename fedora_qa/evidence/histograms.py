@@ -41,7 +41,7 @@ def window_values(window: Window, families: frozenset[str] | None = None) -> dic
     dict[str, Int64]
         (bins,) by quantity: ``depth_m``, ``luma_dn``, ``flow/10hz``, ...
     """
-    return window.once(("value counts", families), lambda: _count_window(window, families))
+    return window.derived(_count_window, families)
 
 
 def _count_window(window: Window, families: frozenset[str] | None) -> dict[str, Int64]:

@@ -293,7 +293,11 @@ def _small_codes(window: Window, frame: int, width_px: int) -> tuple[NDArray[Any
     """Return a colour frame averaged over blocks, once a window: the frame of an instant often also begins the flow."""
     image = window.rgb(frame)
     block = block_px(image.shape[1], width_px)
-    return window.once(("small codes", frame, block), lambda: mean_codes(image, block)), block
+    return window.derived(_mean_codes, frame, block), block
+
+
+def _mean_codes(window: Window, frame: int, block: int) -> NDArray[Any]:
+    return mean_codes(window.rgb(frame), block)
 
 
 def _small(image: NDArray[Any], width_px: int) -> tuple[NDArray[Any], int]:

@@ -5,8 +5,11 @@ array that it requests. The lease ends when a whole window has passed that did n
 later window owns, not before that window.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any, Final, TypeVar, cast
+
+import numpy as np
 
 Value = TypeVar("Value")
 
@@ -32,6 +35,8 @@ class Leases:
         # the order of request.
         self._before: dict[Hashable, Any] = {}
         self._now: dict[Hashable, Any] = {}
+        # Bytes of each when it was made: results may keep more later.
+        self._sizes: dict[Hashable, int] = {}
         # The latest array that did not fit: a search reads one block many times.
         self._latest: tuple[Hashable, Any] | None = None
 
@@ -52,34 +57,54 @@ class Leases:
 
     def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
         """Return the value of a key, an array or an error in its place; ``make`` makes it where it is not kept."""
+        kept = self.find(key)
+        if kept is not None:
+            return cast(Value, kept)
+        value = make()
+        self.keep(key, value)
+        return value
+
+    def find(self, key: Hashable) -> Any:
+        """Return the value of a key that is kept; None where it is not."""
         if key in self._now:
-            return cast(Value, self._now[key])
+            return self._now[key]
         if key in self._before:
             value = self._now[key] = self._before.pop(key)
-            return cast(Value, value)
-        if self._latest and self._latest[0] == key:
-            return cast(Value, self._latest[1])
-        value = make()
+            return value
+        return self._latest[1] if self._latest and self._latest[0] == key else None
+
+    def keep(self, key: Hashable, value: object) -> None:
+        """Keep the value of a key that is not kept, where it fits."""
         size = _bytes(value)
         while self._before and size <= self.limit_bytes < self.kept_bytes + size:
             self._end(next(iter(self._before)))
         if self.kept_bytes + size <= self.limit_bytes:
-            self._now[key] = value
+            self._now[key], self._sizes[key] = value, size
             self.kept_bytes += size
         else:
             self._latest = key, value
-        return value
 
     def forget(self) -> None:
         """End all leases."""
         self._before.clear()
         self._now.clear()
+        self._sizes.clear()
         self._latest = None
         self.kept_bytes = 0
 
     def _end(self, key: Hashable) -> None:
-        self.kept_bytes -= _bytes(self._before.pop(key))
+        del self._before[key]
+        self.kept_bytes -= self._sizes.pop(key)
 
 
 def _bytes(value: Any) -> int:
-    return getattr(value, "nbytes", 0)
+    """Return the bytes of an array, or of all arrays that a result holds."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    if isinstance(value, Mapping):
+        return sum(map(_bytes, value.values()))
+    if isinstance(value, tuple | list):
+        return sum(map(_bytes, value))
+    if is_dataclass(value):
+        return sum(_bytes(getattr(value, field.name)) for field in fields(value))
+    return 0

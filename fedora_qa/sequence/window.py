@@ -6,7 +6,7 @@ requested rows, and keeps results that several checks share.
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Protocol, TypeVar, cast
+from typing import Any, Concatenate, Final, ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.sequence.facts import Facts, has_place
 from fedora_qa.sequence.leases import Leases
 
+P = ParamSpec("P")
 T = TypeVar("T")
 Image = TypeVar("Image", bound=NDArray[Any])
 
@@ -70,10 +71,13 @@ class Sampling:
         Share of image tiles that dense checks measure, 0 to 1.
     field_stride
         Step between the measured flow fields of a rate.
+    features
+        Whether dear features of deviations are measured, by which causes are proposed. A trial of a cause needs none.
     """
 
     tile_share: float = 1.0
     field_stride: int = 1
+    features: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +156,7 @@ class Window:
         self._source = source
         self._leases = leases or Leases()
         self._shared: dict[Hashable, Any] = {}
+        self._depths_m: dict[int, NDArray[np.float32]] = {}
 
     def owned(self, stream: str) -> range:
         """Return the rows of the stream whose timestamps lie in this window."""
@@ -161,22 +166,46 @@ class Window:
         """Return rows of a dataset in canonical units, as ``SequenceRows.rows``."""
         return self._source.rows(key, start, stop)
 
-    def once(self, key: Hashable, compute: Callable[[], T]) -> T:
+    def derived(self, compute: Callable[Concatenate["Window", P], T], *args: P.args, **kwargs: P.kwargs) -> T:
         """Return a result, computed once and shared by all checks of this window.
+
+        Views of the sequence share it as well, where nothing differs that was read for it (``engine/views.py``).
 
         Parameters
         ----------
-        key
-            Key of the result.
         compute
-            Computes it.
+            A function of a module, which computes it from the window and the arguments alone.
+        *args, **kwargs
+            Its arguments, which can be hashed.
         """
+        key = (compute, *args, *kwargs.items())
         if key not in self._shared:
-            self._shared[key] = compute()
+            self._shared[key] = compute(self, *args, **kwargs)
         return cast(T, self._shared[key])
 
-    def of_image(self, name: str, row: int, compute: Callable[[], Image]) -> Image:
-        """Return a result of one image, shared by all checks and with neighbouring windows.
+    def derived_image(
+        self,
+        compute: Callable[Concatenate["Window", int, P], Image],
+        row: int,
+        *args: P.args,
+        **kwargs: P.kwargs,
+    ) -> Image:
+        """Return a result of one image, shared as that of ``derived`` and with neighbouring windows.
+
+        Parameters
+        ----------
+        compute
+            A function of a module, which computes it from the image and the file alone, never from the window.
+        row
+            Row of the image.
+        *args, **kwargs
+            Further arguments, which can be hashed.
+        """
+        key = (compute, *args, *kwargs.items())
+        return self.of_image(key, row, lambda: compute(self, row, *args, **kwargs))
+
+    def of_image(self, name: Hashable, row: int, compute: Callable[[], Image]) -> Image:
+        """Return a result of one image, as ``derived_image``, which is written into an array of the caller.
 
         Parameters
         ----------
@@ -185,7 +214,7 @@ class Window:
         row
             Row of the image.
         compute
-            Computes it from the image and the file alone, never from the window.
+            Computes it from the image and the file alone, and holds nothing that was read before.
         """
         return self._leases.get((name, row), compute)
 
@@ -199,17 +228,13 @@ class Window:
         A depth frame is cheap to compute, and is dropped first when the limit of bytes is reached. But two of them are
         often requested in turn, so a window keeps its latest two.
         """
-        kept: dict[int, NDArray[np.float32]] = self.once("kept depths", dict)
+        kept = self._depths_m
         metres = kept.pop(frame, None)
         if metres is None:
             # ``pop`` and insertion keep the dict in the order of use, so that its first entry is the oldest.
             if len(kept) == _KEPT_DEPTHS:
                 del kept[next(iter(kept))]
-            # Millimetres in the file, metres in geometry; a float32 divisor keeps float32.
-            metres = self._leases.get(
-                ("depth_m", frame),
-                lambda: cast(NDArray[np.float32], self.rows("path/depth", frame, frame + 1)[0] / np.float32(MM_PER_M)),
-            )
+            metres = self.derived_image(_depth_m, frame)
         kept[frame] = metres
         return metres
 
@@ -266,7 +291,7 @@ class Window:
             In the order of time; events of one timestamp in the order of the file. Those whose timestamp has no place
             in time are left out.
         """
-        return self.once(("events", before_ns, after_ns), lambda: self._read_events(before_ns, after_ns))
+        return self.derived(Window._read_events, before_ns, after_ns)
 
     def imu(self) -> ImuSamples:
         """Return IMU samples from the window's start to its stop, both inclusive."""
@@ -317,3 +342,9 @@ class Window:
             order = np.argsort(times_ns, kind="stable")
             x, y, times_ns, p = x[order], y[order], times_ns[order], p[order]
         return Events(x, y, times_ns, p)
+
+
+def _depth_m(window: Window, frame: int) -> NDArray[np.float32]:
+    # Millimetres in the file, metres in geometry; a float32 divisor keeps float32.
+    depth_m: NDArray[np.float32] = window.rows("path/depth", frame, frame + 1)[0] / np.float32(MM_PER_M)
+    return depth_m

@@ -115,7 +115,7 @@ def sampled_depth_m(window: Window, frame: int) -> NDArray[np.float32]:
     ndarray of float32
         (h, w) m; NaN where invalid.
     """
-    return window.once(("sampled depth", frame), lambda: _sampled(window.depth_m(frame), window))
+    return window.derived(_sampled_depth_m, frame)
 
 
 def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.float32]:
@@ -135,7 +135,7 @@ def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.flo
     ndarray of float32
         (h, w) px over the interval; NaN where invalid.
     """
-    return window.once(("sampled speeds", stream, field), lambda: _speeds_px(window.flow_px(stream, field), window))
+    return window.derived(_sampled_speeds_px, stream, field)
 
 
 def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
@@ -153,7 +153,7 @@ def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
     ndarray of float32
         (h, w) DN.
     """
-    return window.once(("sampled luma", frame), lambda: _luma_dn(window.rgb(frame), window))
+    return window.derived(_sampled_luma_dn, frame)
 
 
 def readable_images(
@@ -179,6 +179,18 @@ def readable_images(
             yield read(row)
         except UnreadableRowsError:
             continue
+
+
+def _sampled_depth_m(window: Window, frame: int) -> NDArray[np.float32]:
+    return _sampled(window.depth_m(frame), window)
+
+
+def _sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.float32]:
+    return _speeds_px(window.flow_px(stream, field), window)
+
+
+def _sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
+    return _luma_dn(window.rgb(frame), window)
 
 
 def _sampled(image: NDArray[np.float32], window: Window) -> NDArray[np.float32]:

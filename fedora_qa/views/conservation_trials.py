@@ -8,6 +8,7 @@ fault may begin or end within it.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations
 from math import ceil, sqrt
 from typing import Any, Final, Literal, TypeVar, cast
@@ -26,6 +27,7 @@ from fedora_qa.views.frame_runs import EVEN, join, violations
 
 Bool = NDArray[np.bool_]
 Counts = NDArray[np.int32]
+Edges = NDArray[np.intp]
 Symmetry = tuple[bool, bool, bool]
 """Whether axes are exchanged, columns mirrored, rows mirrored."""
 Transform = Literal["invert_polarity", "mirror", "swap_axes", "shift", "delay"]
@@ -172,16 +174,25 @@ def most_resolved(before: Bool, after: Bool, symmetry: Symmetry = UPRIGHT) -> in
     rows, columns = (np.linspace(0, size, GRID + 1).round().astype(int) for size in gain.shape)
     # A summed-area table at the borders of tiles: the sum of any rectangle of tiles from its four corners.
     sums = np.pad(gain.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))[np.ix_(rows, columns)]
-    swap, left, up = symmetry
+    top, bottom, left, right = _rectangles(symmetry)
+    return int((sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]).max())
+
+
+@cache
+def _rectangles(symmetry: Symmetry) -> tuple[Edges, Edges, Edges, Edges]:
+    """Return top, bottom, left and right, in tiles, of the rectangles (n,) that a symmetry maps onto themselves."""
+    swap, mirrored_columns, mirrored_rows = symmetry
     edges = list(combinations(range(GRID + 1), 2))
-    return max(
-        int(sums[bottom, right] - sums[top, right] - sums[bottom, first] + sums[top, first])
+    rectangles = [
+        (top, bottom, left, right)
         for top, bottom in edges
-        for first, right in edges
-        if not (left and first + right != GRID)
-        and not (up and top + bottom != GRID)
-        and not (swap and (top, bottom) != (first, right))
-    )
+        for left, right in edges
+        if not (mirrored_columns and left + right != GRID)
+        and not (mirrored_rows and top + bottom != GRID)
+        and not (swap and (top, bottom) != (left, right))
+    ]
+    top, bottom, left, right = np.array(rectangles, dtype=np.intp).T
+    return top, bottom, left, right
 
 
 def _transformed(window: Window, resampled: ResampledFrames, declared: EventModel) -> Iterator[_TransformedCounts]:
@@ -237,7 +248,8 @@ def _violations(resampled: ResampledFrames, first: int, stop: int, declared: Eve
     images = (resampled.edge_aware_dn[part], resampled.uniform_dn[part], resampled.error_dn[part])
     frames = ResampledFrames(resampled.frames[part], resampled.times_ns[part], *images, counts)
     nowhere = np.zeros(resampled.counts.shape[2:], np.bool_)
-    return violations(join(frames, declared, rounding_dn, nowhere), EVEN, declared, phase_declared=False)[0]
+    run = join(frames, declared, rounding_dn, nowhere, only_even=True)
+    return violations(run, EVEN, declared, phase_declared=False)[0]
 
 
 def _every_few(image: Pixels) -> Pixels:

@@ -85,7 +85,7 @@ def depth_edges(window: Window) -> DepthEdges | None:
     DepthEdges or None
         None where no depth frame has the timestamp of a colour frame.
     """
-    return window.once("depth edges against colour", lambda: _measure(window))
+    return window.derived(_measure)
 
 
 def _measure(window: Window) -> DepthEdges | None:

@@ -137,12 +137,15 @@ class DepthPair:
 
     def fit_as_declared(self) -> DepthFit | None:
         """Return the fit of the motion within its noise, all else being as declared; made once a window."""
+        return self.window.derived(_fit_as_declared, self.first, self.second)
 
-        def fit() -> DepthFit | None:
-            model = self.model()
-            return fit_depth(lambda _: model, self.lattice_to_fit(), self.image1, self.noise, start=0.0, step=None)
 
-        return self.window.once(("depth as declared", self.first), fit)
+def _fit_as_declared(window: Window, first: int, second: int) -> DepthFit | None:
+    pair = pair_between(window, pose_track(window, window.facts.declared.cameras["depth"]), first, second)
+    if pair is None:
+        return None
+    model = pair.model()
+    return fit_depth(lambda _: model, pair.lattice_to_fit(), pair.image1, pair.noise, start=0.0, step=None)
 
 
 def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
@@ -183,14 +186,15 @@ def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> D
     times_ns = window.facts.clocks["depth"].times_ns
     start_ns, end_ns = int(times_ns[first]), int(times_ns[second])
     # Only the motion is kept: a pair refers to its window, so a kept pair would keep the window and all its images.
-    motion = window.once(("depth motion", first, second), lambda: _motion(window, track, first, second))
+    motion = window.derived(_motion, first, second)
     if motion is None:
         return None
     return DepthPair(window, track, first, second, start_ns, end_ns, *motion, every_px=_every_px(window))
 
 
-def _motion(window: Window, track: PoseTrack, first: int, second: int) -> tuple[RigidMotion, Float64, Float64] | None:
+def _motion(window: Window, first: int, second: int) -> tuple[RigidMotion, Float64, Float64] | None:
     """Return motion, motion error and noise of a ``DepthPair``; None where no pose covers it."""
+    track = pose_track(window, window.facts.declared.cameras["depth"])
     before, after = (pose_of_frame(window, track, "depth", frame) for frame in (first, second))
     motion = motion_between(before, after, track.camera)
     if motion is None:
@@ -221,16 +225,16 @@ def lattice_of_frame(window: Window, frame: int) -> DepthLattice:
     DepthLattice
         Depths in m; their relative error is half a step of the stored depths.
     """
-    share, every_px = window.sampling.tile_share, _every_px(window)
-
-    def make() -> Float64:
-        image = image_of(window, frame, every_px)
-        height, width = image.depths_m.shape
-        return lattice_values(image, lattice_stride(height, width, min(share * every_px, 1.0)))
-
-    values = window.of_image(f"depth lattice of {share:g}", frame, make)
+    values = window.derived_image(_lattice_values, frame)
     # Rounding to steps errs by half a step at most.
     return DepthLattice(*values).with_relative_error(step_share(window) / 2)
+
+
+def _lattice_values(window: Window, frame: int) -> Float64:
+    every_px = _every_px(window)
+    image = image_of(window, frame, every_px)
+    height, width = image.depths_m.shape
+    return lattice_values(image, lattice_stride(height, width, min(window.sampling.tile_share * every_px, 1.0)))
 
 
 def pixels_of_pairs(pixels_read: int, pairs: int, facts: Facts) -> Coverage:
@@ -273,12 +277,12 @@ def image_of(window: Window, frame: int, every_px: int) -> DepthImage:
     DepthImage
         Static depth in m, prepared for reading between pixels.
     """
+    return window.derived(_image_of, frame, every_px)
 
-    def make() -> DepthImage:
-        sampled_m = static_depth_of_frame_m(window, frame)[::every_px, ::every_px]
-        return depth_image(sampled_m, step_share(window), least_block_px=min(every_px, 2))
 
-    return window.once(("depth image", frame, every_px), make)
+def _image_of(window: Window, frame: int, every_px: int) -> DepthImage:
+    sampled_m = static_depth_of_frame_m(window, frame)[::every_px, ::every_px]
+    return depth_image(sampled_m, step_share(window), least_block_px=min(every_px, 2))
 
 
 def _every_px(window: Window) -> int:
@@ -314,15 +318,15 @@ def step_share(window: Window) -> float:
 
     It is that of the nearest or of the farthest depth of the first frame that the window owns.
     """
+    return window.derived(_step_share)
+
+
+def _step_share(window: Window) -> float:
     owned, step = window.owned("depth"), depth_step_m(window.facts)
     if not step.is_coarse or not owned:
         return 0.0
-
-    def largest() -> float:
-        extremes = positive_extremes(window.depth_m(owned[0]))
-        return 0.0 if extremes is None else largest_share(step, *extremes[:2])
-
-    return window.once("depth step", largest)
+    extremes = positive_extremes(window.depth_m(owned[0]))
+    return 0.0 if extremes is None else largest_share(step, *extremes[:2])
 
 
 def depth_step_m(facts: Facts) -> StoredStep:

@@ -1,7 +1,6 @@
 """How frames and events have changed over blocks of pixels, shared by the checks of orientation and of frames."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,19 +50,14 @@ def block_moments(window: Window) -> BlockMoments | None:
     BlockMoments or None
         None where the window has fewer than two frames, or no event sensor is declared.
     """
-    return window.once("block_moments", lambda: _block_moments(window))
+    return window.derived(_block_moments)
 
 
 def _block_moments(window: Window) -> BlockMoments | None:
     resampled, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(resampled) < 2:
         return None
-    dark_dn = None if declared.model == "linear" else declared.log_eps_dn
-    levels_by_frame = []
-    for frame, uniform_dn, error_dn in zip(resampled.frames, resampled.uniform_dn, resampled.error_dn, strict=True):
-        means = partial(level_blocks, uniform_dn, error_dn, dark_dn)
-        levels_by_frame.append(window.of_image("level_blocks", int(frame), means))
-    levels = np.stack(levels_by_frame)
+    levels = np.stack([window.derived_image(_level_blocks, int(frame)) for frame in resampled.frames])
     events = event_blocks(resampled.counts, declared.threshold_on, declared.threshold_off)
     stored = all_events(window)
     if len(stored) > len(sensor_events(window)):
@@ -75,3 +69,11 @@ def _block_moments(window: Window) -> BlockMoments | None:
     # Between two frames there is but one step.
     span = ChangeMoments(steps[0].sum(axis=0)) if len(steps) == 1 else span_moments(levels, events)
     return BlockMoments(resampled.frames, steps, span)
+
+
+def _level_blocks(window: Window, frame: int) -> NDArray[np.float64]:
+    """Return the means of the signal of one of the window's frames over blocks."""
+    resampled, declared = resampled_frames(window), window.facts.declared.events
+    dark_dn = None if declared is None or declared.model == "linear" else declared.log_eps_dn
+    number = int(np.searchsorted(resampled.frames, frame))
+    return level_blocks(resampled.uniform_dn[number], resampled.error_dn[number], dark_dn)

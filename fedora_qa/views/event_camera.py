@@ -1,6 +1,5 @@
 """Events of a window on the sensor, and frames resampled to its pixels, shared by the checks of events."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -41,13 +40,17 @@ AXES_AGREE: Final = 1e-6
 
 def all_events(window: Window) -> Events:
     """Return the events of a window with a halo on both sides, as stored."""
+    return window.derived(_events_with_halo)
+
+
+def _events_with_halo(window: Window) -> Events:
     after_ns = HALO_NS
     frames = _frames(window) if "rgb" in window.facts.clocks else []
     if frames:
         last_ns = int(window.facts.clocks["rgb"].times_ns[frames[-1]])
         # Events are counted up to the frame after the window, and levels there need the halo behind it.
         after_ns = max(HALO_NS, last_ns + HALO_NS - window.span.stop_ns)
-    return window.once("all_events", lambda: _read_only(window.events(HALO_NS, after_ns)))
+    return _read_only(window.events(HALO_NS, after_ns))
 
 
 def _read_only(events: Events) -> Events:
@@ -60,7 +63,11 @@ def _read_only(events: Events) -> Events:
 
 def sensor_events(window: Window) -> Events:
     """Return those of ``all_events`` that lie on the declared sensor and have a legal polarity."""
-    return window.once("sensor_events", lambda: _on_sensor(all_events(window), window.facts.declared))
+    return window.derived(_sensor_events)
+
+
+def _sensor_events(window: Window) -> Events:
+    return _on_sensor(all_events(window), window.facts.declared)
 
 
 def events_around(window: Window, margin_ns: int) -> Events:
@@ -124,7 +131,11 @@ def own(window: Window, events: Events) -> Events:
 
 def pixel_events(window: Window) -> PixelEvents:
     """Return ``sensor_events`` by pixel."""
-    return window.once("pixel_events", lambda: sorted_by_pixel(sensor_events(window), window.facts.declared))
+    return window.derived(_pixel_events)
+
+
+def _pixel_events(window: Window) -> PixelEvents:
+    return sorted_by_pixel(sensor_events(window), window.facts.declared)
 
 
 def sorted_by_pixel(events: Events, declared: Declared) -> PixelEvents:
@@ -234,7 +245,7 @@ class ResampledFrames:
 
 def resampled_frames(window: Window) -> ResampledFrames:
     """Return the frames that a window owns and the next one, and the events between them."""
-    return window.once("resampled_frames", lambda: _resampled_frames(window))
+    return window.derived(_resampled_frames)
 
 
 def event_footprints(window: Window, shape_frame: tuple[int, int], *, at_corners: bool = False) -> Footprints:
@@ -254,23 +265,28 @@ def event_footprints(window: Window, shape_frame: tuple[int, int], *, at_corners
     Footprints
         One footprint for each pixel of the event camera, from row and column axes.
     """
-    cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
-    K_frame, K_event, suffix = cameras["rgb"].K, cameras["events"].K.copy(), "_at_corners" if at_corners else ""
+    return window.derived(_event_footprints, shape_frame, at_corners=at_corners)
+
+
+def _event_footprints(window: Window, shape_frame: tuple[int, int], *, at_corners: bool) -> Footprints:
+    rows, columns = (
+        FootprintAxis.unpacked(window.derived_image(_footprint_axis, 0, axis, shape_frame, at_corners=at_corners))
+        for axis in (0, 1)
+    )
+    return Footprints(rows, columns)
+
+
+def _footprint_axis(
+    window: Window, row: int, axis: int, shape_frame: tuple[int, int], *, at_corners: bool
+) -> NDArray[Any]:
+    """Return the packed axis of the footprints along rows (0) or columns (1), which is that of every frame."""
+    cameras = window.facts.declared.cameras
+    K_frame, K_event = cameras["rgb"].K, cameras["events"].K.copy()
     if at_corners:
         # A ray at u + 1/2 is at u once the principal point is moved by -1/2.
         K_event[:2, 2] -= 0.5
-
-    def axis_of_file(name: str, compute: Callable[[], FootprintAxis]) -> FootprintAxis:
-        """Return an axis that is computed once a file, and kept as an image is."""
-        return FootprintAxis.unpacked(window.of_image(name, 0, lambda: compute().packed()))
-
-    def footprints() -> Footprints:
-        return Footprints(
-            axis_of_file(f"footprint_rows{suffix}", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
-            axis_of_file(f"footprint_columns{suffix}", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
-        )
-
-    return window.once(("footprints", shape_frame, at_corners), footprints)
+    make = (row_axis, column_axis)[axis]
+    return make(K_frame, shape_frame[axis], K_event, sensor_shape(window.facts.declared)[axis]).packed()
 
 
 def intervals_due(window: Window, resampled: ResampledFrames, per_window: int) -> int:

@@ -13,9 +13,11 @@ def local_tick_ns(window: Window) -> int:
     Where nine events of ten share their timestamp with many others, the tick is the usual distance between such
     timestamps.
     """
-    return window.once(
-        "local_tick_ns", lambda: max(tick_ns(window.facts), crowded_step_ns(all_events(window).times_ns))
-    )
+    return window.derived(_local_tick_ns)
+
+
+def _local_tick_ns(window: Window) -> int:
+    return max(tick_ns(window.facts), crowded_step_ns(all_events(window).times_ns))
 
 
 def tick_ns(facts: Facts) -> int:

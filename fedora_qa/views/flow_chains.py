@@ -173,15 +173,15 @@ def compose(
         flow_px = window.flow_px(chain.stream, row)
         if transform is not None:
             flow_px = transform(flow_px)
-        lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
+        lines = _lines(flow_px)
         stored = None if transform is not None else (chain.stream, row)
         spans, errors_px = _NOT_TESTED, _NOT_COMPUTED
         # At the end of the last field nothing is read any more, so its targets need no test.
         if number < last:
-            spans = _of_field(window, "flows to cells", stored, spans_at_targets, lines)
+            spans = _of_field(window, stored, spans_at_targets, lines)
         # A path reads few pixels: evaluating the whole field pays only with many paths to a pixel.
         if last > 0 and _MANY * lines.size < 2 * n:
-            errors_px = _of_field(window, "errors of reading", stored, interpolation_errors, lines)
+            errors_px = _of_field(window, stored, interpolation_errors, lines)
         rounding_px = _ROUNDING_PX * (lines.shape[0] + lines.shape[1] // 2) + _storage_px(window, chain.stream, lines)
         step(lines, spans, errors_px, rounding_px, number == 0, last > 0, paths)
     displacement_px = np.stack((paths.x - columns, paths.y - rows), axis=-1)
@@ -201,10 +201,19 @@ def _storage_px(window: Window, stream: str, lines: Float32) -> float:
 
 
 def _of_field(
-    window: Window, name: str, field: tuple[str, int] | None, compute: Callable[[Float32], Float32], lines: Float32
+    window: Window, field: tuple[str, int] | None, compute: Callable[[Float32], Float32], lines: Float32
 ) -> Float32:
     """Return a result computed from a field. The window keeps the results of stored fields."""
-    return compute(lines) if field is None else window.once((name, *field), lambda: compute(lines))
+    return compute(lines) if field is None else window.derived(_of_stored_field, compute, *field)
+
+
+def _of_stored_field(window: Window, compute: Callable[[Float32], Float32], stream: str, row: int) -> Float32:
+    return compute(_lines(window.flow_px(stream, row)))
+
+
+def _lines(flow_px: Float32) -> Float32:
+    """Return a field (H, W, 2) as rows of interleaved u and v, contiguous float32: the layout that kernels read."""
+    return np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
 
 
 _NOT_TESTED: Final = np.empty((0, 0, 4), dtype=np.float32)

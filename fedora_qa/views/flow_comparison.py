@@ -187,7 +187,8 @@ def compare_field(
         if covariance is not None:
             chi2, dof = twist_statistic(fit, covariance)
             result = replace(result, twist_chi2=chi2, twist_dof=dof)
-    if result.suspicion <= 1 and result.twist_chi2 <= _USUAL_RATIO * result.twist_dof:
+    is_usual = result.suspicion <= 1 and result.twist_chi2 <= _USUAL_RATIO * result.twist_dof
+    if is_usual or not window.sampling.features:
         return result
     region = region_of(lattice, np.where(compared, error / bound, np.nan))
     if region is not None:  # the motion by the rest of the image is taken as exact

@@ -225,8 +225,7 @@ class PoseTrack:
 
     def poses_at(self, at_ns: NDArray[np.int64]) -> tuple[Float64, Float64]:
         """Return R_world_body (n, 3, 3) and positions (n, 3) m at instants (n,); NaN where no pose covers one."""
-        poses = self.poses
-        return interpolate_poses(poses.times_ns, poses.positions_world_m, poses.orientations_xyzw, at_ns=at_ns)
+        return poses_at(self.poses, at_ns)
 
     def covariance(self, start_ns: int, end_ns: int, position_sigma_m: float, rotation_sigma_rad: float) -> Float64:
         """Return the covariance of the motion's twist under declared pose noise.
@@ -325,17 +324,27 @@ def pose_track(window: Window, camera: Camera) -> PoseTrack:
     PoseTrack
         Finite poses only.
     """
+    return PoseTrack(finite_poses(window), camera)
 
-    def finite_poses() -> PoseSamples:
-        median_ns = max((median_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
-        # Neighbouring intervals are tried as well: one length for the interval itself, one for the neighbour.
-        poses = window.pose(2 * min(median_ns, NS_PER_S) + _POSE_MARGIN_NS)
-        finite = np.isfinite(poses.positions_world_m).all(axis=1) & np.isfinite(poses.orientations_xyzw).all(axis=1)
-        if finite.all():
-            return poses
-        return PoseSamples(poses.times_ns[finite], poses.positions_world_m[finite], poses.orientations_xyzw[finite])
 
-    return PoseTrack(window.once("poses for flow", finite_poses), camera)
+def finite_poses(window: Window) -> PoseSamples:
+    """Return the finite poses of ``pose_track``."""
+    return window.derived(_finite_poses)
+
+
+def _finite_poses(window: Window) -> PoseSamples:
+    median_ns = max((median_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
+    # Neighbouring intervals are tried as well: one length for the interval itself, one for the neighbour.
+    poses = window.pose(2 * min(median_ns, NS_PER_S) + _POSE_MARGIN_NS)
+    finite = np.isfinite(poses.positions_world_m).all(axis=1) & np.isfinite(poses.orientations_xyzw).all(axis=1)
+    if finite.all():
+        return poses
+    return PoseSamples(poses.times_ns[finite], poses.positions_world_m[finite], poses.orientations_xyzw[finite])
+
+
+def poses_at(poses: PoseSamples, at_ns: NDArray[np.int64]) -> tuple[Float64, Float64]:
+    """Return R_world_body (n, 3, 3) and positions (n, 3) m at instants (n,); NaN where no pose covers one."""
+    return interpolate_poses(poses.times_ns, poses.positions_world_m, poses.orientations_xyzw, at_ns=at_ns)
 
 
 def motion_between(before: Pose, after: Pose, camera: Camera) -> RigidMotion | None:

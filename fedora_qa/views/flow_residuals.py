@@ -364,7 +364,7 @@ def tile_templates(window: Window, interval: Interval, origins: Int64, usable: M
     # Derivative of the motion by time, as a twist per interval, by a central difference; zero where it is not known.
     by_time = np.zeros((6, 1))
     if not is_noisy(window.facts.declared.pose):
-        later, earlier = (motion_over(window, geometry.track, interval.moved(by)) for by in (DELAY_NS, -DELAY_NS))
+        later, earlier = (motion_over(window, interval.moved(by)) for by in (DELAY_NS, -DELAY_NS))
         if later is not None and earlier is not None:
             by_time = _twist_between(earlier, later)[:, None] * (interval.length_ns / (2 * DELAY_NS))
     twists = np.concatenate((by_mounting(motion), by_time, _ABOUT_OPTICAL_AXIS), axis=1)

@@ -104,7 +104,11 @@ def _fastest_between_frames(facts: Facts) -> str:
 
 
 def _optics(window: Window) -> Optics | str:
-    return window.once("optics of frames", lambda: optics_of(window.facts))
+    return window.derived(_optics_of_frames)
+
+
+def _optics_of_frames(window: Window) -> Optics | str:
+    return optics_of(window.facts)
 
 
 def seen_part(window: Window) -> Box:
@@ -121,7 +125,7 @@ def seen_part(window: Window) -> Box:
         Left, top, right, bottom, px of the flow's grid, half-open; without an area where the cameras see nothing in
         common. All of the grid where frames are not mapped.
     """
-    return window.once("part of the flow's grid that colour shows", lambda: _seen_part(window))
+    return window.derived(_seen_part)
 
 
 def _seen_part(window: Window) -> Box:
@@ -201,25 +205,26 @@ def luma_on_flow_grid(window: Window, frame: int) -> Float32:
     optics = _optics(window)
     if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
         return luma_dn(window, frame)
-    H_rgb_flow, camera = optics.H_rgb_flow, window.facts.declared.cameras["depth"]
+    return window.derived_image(_warped_luma_dn, frame)
+
+
+def _warped_luma_dn(window: Window, frame: int) -> Float32:
+    luma, optics, camera = luma_dn(window, frame), _optics(window), window.facts.declared.cameras["depth"]
+    if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
+        return luma
+    H_rgb_flow = optics.H_rgb_flow
     # H maps flow pixels to colour pixels, which is the inverse map that OpenCV reads with (WARP_INVERSE_MAP).
     size, flags = (camera.width, camera.height), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-
     # Colour pixels along each axis of a pixel of the flow's grid: columns of H, at the image's scale.
     scales = np.linalg.norm(H_rgb_flow[:2, :2] / H_rgb_flow[2, 2], axis=0)
-
-    def warped() -> Float32:
-        luma = luma_dn(window, frame)
-        if scales.max() > 1 + _SAME_SCALE:
-            # On a grid of every s-th pixel, detail finer than 2 s appears as coarser detail, which does not move as the
-            # flow does (aliasing). A Gaussian of variance (s^2 - 1) / 4 px^2 leaves exp(-3 pi^2 / 8) = 2.5% of the
-            # finest detail, of 2 px, at s = 2, and less at larger s.
-            sigma_x, sigma_y = np.sqrt(np.maximum(scales**2 - 1, _LEAST_VARIANCE_PX2)) / 2
-            luma = np.asarray(cv2.GaussianBlur(luma, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y), dtype=np.float32)
-        warped_dn = cv2.warpPerspective(luma, H_rgb_flow, size, flags=flags)
-        return within(seen_part(window), np.asarray(warped_dn, dtype=np.float32))
-
-    return window.of_image("luma on the flow's grid", frame, warped)
+    if scales.max() > 1 + _SAME_SCALE:
+        # On a grid of every s-th pixel, detail finer than 2 s appears as coarser detail, which does not move as the
+        # flow does (aliasing). A Gaussian of variance (s^2 - 1) / 4 px^2 leaves exp(-3 pi^2 / 8) = 2.5% of the finest
+        # detail, of 2 px, at s = 2, and less at larger s.
+        sigma_x, sigma_y = np.sqrt(np.maximum(scales**2 - 1, _LEAST_VARIANCE_PX2)) / 2
+        luma = np.asarray(cv2.GaussianBlur(luma, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y), dtype=np.float32)
+    warped_dn = cv2.warpPerspective(luma, H_rgb_flow, size, flags=flags)
+    return within(seen_part(window), np.asarray(warped_dn, dtype=np.float32))
 
 
 def same_points(window: Window, pair: FrameTransition) -> tuple[Float32, Float32]:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.flow_intervals import Pose, PoseTrack
+from fedora_qa.views.flow_intervals import Pose, PoseTrack, finite_poses, poses_at
 
 Float64 = NDArray[np.float64]
 
@@ -35,5 +35,9 @@ def pose_of_frame(window: Window, track: PoseTrack, stream: str, frame: int) -> 
     if not first <= frame < owned.stop:
         return track.pose(int(times_ns[frame]))
     at_ns = times_ns[first : owned.stop]
-    R_world_body, positions_world_m = window.once(("poses of frames", at_ns.tobytes()), lambda: track.poses_at(at_ns))
+    R_world_body, positions_world_m = window.derived(_poses_at, at_ns.tobytes())
     return R_world_body[frame - first], positions_world_m[frame - first]
+
+
+def _poses_at(window: Window, instants_ns: bytes) -> tuple[Float64, Float64]:
+    return poses_at(finite_poses(window), np.frombuffer(instants_ns, np.int64))

@@ -104,7 +104,7 @@ class FrameRun:
                 resampled.frames,
             )
         else:
-            following = _event_free_runs(resampled, declared, rounding_dn)
+            following = _event_free_runs(resampled, declared, _rules(declared, rounding_dn))
             self.bounds = tuple(runs.then(later) for runs, later in zip(self.bounds, following, strict=True))
         add_counts(resampled.counts, self.events)
         self.excused |= excused
@@ -327,7 +327,9 @@ def excused_pixels(window: Window, declared: EventModel) -> Bool:
     return excused
 
 
-def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> FrameRun:
+def join(
+    resampled: ResampledFrames, declared: EventModel, rounding_dn: float, excused: Bool, *, only_even: bool = False
+) -> FrameRun:
     """Return the run of two or more frames.
 
     Parameters
@@ -340,6 +342,8 @@ def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, e
         Half a step of the 8-bit code, linear DN.
     excused
         (h, w) pixels in which a correct sensor may lack events.
+    only_even
+        Whether the run is asked for violations under ``EVEN`` alone.
 
     Returns
     -------
@@ -348,9 +352,11 @@ def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, e
     """
     events = np.zeros(excused.shape, np.int32)
     add_counts(resampled.counts, events)
-    if declared.model == "linear":
-        return FrameRun(_event_free_runs(resampled, declared, rounding_dn), events, excused)
     rules = _rules(declared, rounding_dn)
+    if only_even:
+        rules = (rules[EVEN],)
+    if declared.model == "linear":
+        return FrameRun(_event_free_runs(resampled, declared, rules), events, excused)
     law = ConservationLaw(declared.threshold_on, declared.threshold_off, declared.log_eps_dn, rules)
     bounds = bound(
         resampled.uniform_dn, resampled.error_dn, resampled.counts, _drift(resampled, declared), law, resampled.frames
@@ -423,7 +429,9 @@ def _drift(resampled: ResampledFrames, declared: EventModel) -> Float64:
     return drift
 
 
-def _event_free_runs(resampled: ResampledFrames, declared: EventModel, rounding_dn: float) -> tuple[EventFreeRuns, ...]:
+def _event_free_runs(
+    resampled: ResampledFrames, declared: EventModel, rules: tuple[tuple[float, float], ...]
+) -> tuple[EventFreeRuns, ...]:
     def by_rule(uneven: tuple[float, float]) -> EventFreeRuns:
         # The event camera rounds luma to whole DN: half a step more.
         error = np.where(resampled.error_dn < sum(uneven), resampled.error_dn + 0.5, np.inf)
@@ -437,4 +445,4 @@ def _event_free_runs(resampled: ResampledFrames, declared: EventModel, rounding_
             frames=resampled.frames,
         )
 
-    return tuple(by_rule(uneven) for uneven in _rules(declared, rounding_dn))
+    return tuple(by_rule(uneven) for uneven in rules)

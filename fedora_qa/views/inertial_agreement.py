@@ -118,12 +118,12 @@ class InertialStreams:
 
 def motion_of(window: Window) -> WindowMotion | None:
     """Return the window's own samples of IMU and poses; None where it has neither."""
+    return window.derived(_motion_of)
 
-    def gathered() -> WindowMotion | None:
-        imu, poses = owned_imu(window), owned_poses(window)
-        return None if imu is None and poses is None else WindowMotion(imu, poses)
 
-    return window.once("motion", gathered)
+def _motion_of(window: Window) -> WindowMotion | None:
+    imu, poses = owned_imu(window), owned_poses(window)
+    return None if imu is None and poses is None else WindowMotion(imu, poses)
 
 
 def streams_of(state: Sequence[WindowMotion], facts: Facts) -> InertialStreams | str:

@@ -176,11 +176,15 @@ class ThresholdFit:
 
 def level_sums(window: Window) -> LevelSums | None:
     """Return the normal equations of the pairs with the shortest gaps; None where the window holds too few pairs."""
+    return window.derived(_level_sums)
+
+
+def _level_sums(window: Window) -> LevelSums | None:
     samples = _level_samples(window)
     if samples is None:
         return None
     pairs, frames, declared = samples
-    return window.once("level_sums", lambda: _summed(window, pairs.tightest(ENOUGH_PAIRS), frames, declared))
+    return _summed(window, pairs.tightest(ENOUGH_PAIRS), frames, declared)
 
 
 def weighted_level_sums(window: Window) -> WeightedLevelSums | None:
@@ -390,10 +394,14 @@ def least_dn(window: Window, declared: EventModel) -> float:
 
 def _level_samples(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:
     """Return all pairs of level samples of a window, its frames, and the declared sensor; None with too few pairs."""
+    return window.derived(_sampled_levels)
+
+
+def _sampled_levels(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:
     frames, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(frames) < 2:
         return None
-    pairs = window.once("level_pairs", lambda: _pairs(window, frames, declared, pixel_events(window)))
+    pairs = _pairs(window, frames, declared, pixel_events(window))
     return (pairs, frames, declared) if len(pairs) >= FEWEST_PAIRS else None
 
 

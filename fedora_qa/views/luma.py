@@ -30,16 +30,16 @@ def luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
     ndarray of float32
         (H, W) DN, 0 to 255.
     """
+    return window.derived_image(_luma_dn, frame)
+
+
+def _luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
     transfer = window.facts.declared.transfer
     if transfer == "linear":
-        return window.of_image("luma_dn", frame, lambda: luma_of_linear(window.rgb(frame), LUMA_WEIGHTS))
+        return luma_of_linear(window.rgb(frame), LUMA_WEIGHTS)
     # Linear values are rounded to single precision before they are weighted; views/warped_frames.py rounds after the
     # weighting only.
-    return window.of_image(
-        "luma_dn",
-        frame,
-        lambda: luma_of(window.rgb(frame), luma_table(to_linear(np.arange(256.0), transfer).astype(np.float32))),
-    )
+    return luma_of(window.rgb(frame), luma_table(to_linear(np.arange(256.0), transfer).astype(np.float32)))
 
 
 def clipped(window: Window, frame: int) -> NDArray[np.bool_]:
@@ -59,4 +59,8 @@ def clipped(window: Window, frame: int) -> NDArray[np.bool_]:
     ndarray of bool
         (H, W).
     """
-    return window.of_image("clipped", frame, lambda: cut_off(window.rgb(frame), luma_dn(window, frame), SATURATED_DN))
+    return window.derived_image(_clipped, frame)
+
+
+def _clipped(window: Window, frame: int) -> NDArray[np.bool_]:
+    return cut_off(window.rgb(frame), luma_dn(window, frame), SATURATED_DN)

@@ -38,28 +38,28 @@ _RADIANS_PER_COMPONENT: Final = 2.0
 
 def owned_poses(window: Window) -> PoseSamples | None:
     """Return the window's own poses, None where it has none."""
+    return window.derived(_owned_poses)
 
-    def owned() -> PoseSamples | None:
-        if not len(window.owned("pose")):
-            return None
-        poses = window.pose()
-        own = poses.times_ns < window.span.stop_ns
-        return PoseSamples(poses.times_ns[own], poses.positions_world_m[own], poses.orientations_xyzw[own])
 
-    return window.once("owned_poses", owned)
+def _owned_poses(window: Window) -> PoseSamples | None:
+    if not len(window.owned("pose")):
+        return None
+    poses = window.pose()
+    own = poses.times_ns < window.span.stop_ns
+    return PoseSamples(poses.times_ns[own], poses.positions_world_m[own], poses.orientations_xyzw[own])
 
 
 def owned_imu(window: Window) -> ImuSamples | None:
     """Return the window's own IMU samples, None where it has none."""
+    return window.derived(_owned_imu)
 
-    def owned() -> ImuSamples | None:
-        if not len(window.owned("imu")):
-            return None
-        imu = window.imu()
-        own = imu.times_ns < window.span.stop_ns
-        return ImuSamples(imu.times_ns[own], imu.angular_velocities_body_rad_s[own], imu.specific_forces_body_m_s2[own])
 
-    return window.once("owned_imu", owned)
+def _owned_imu(window: Window) -> ImuSamples | None:
+    if not len(window.owned("imu")):
+        return None
+    imu = window.imu()
+    own = imu.times_ns < window.span.stop_ns
+    return ImuSamples(imu.times_ns[own], imu.angular_velocities_body_rad_s[own], imu.specific_forces_body_m_s2[own])
 
 
 def join_poses(parts: Sequence[PoseSamples]) -> PoseSamples:

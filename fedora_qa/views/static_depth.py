@@ -55,14 +55,14 @@ def static_depth_m(window: Window, frame: int) -> NDArray[np.float32] | None:
     """
     if window.facts.declared.flow_model != "scene":
         return window.depth_m(frame)
+    return window.derived(_standing_depth_m, frame)
 
-    def compute() -> NDArray[np.float32] | None:
-        time_ns = int(window.facts.clocks["depth"].times_ns[frame])
-        for stream in masked_flows(window.facts):
-            fields = np.flatnonzero(window.facts.clocks[stream].times_ns == time_ns)
-            moving = window.moving(stream, int(fields[0])) if len(fields) else None
-            if moving is not None:
-                return np.where(moving, np.float32(np.nan), window.depth_m(frame))
-        return None
 
-    return window.once(("standing depth", frame), compute)
+def _standing_depth_m(window: Window, frame: int) -> NDArray[np.float32] | None:
+    time_ns = int(window.facts.clocks["depth"].times_ns[frame])
+    for stream in masked_flows(window.facts):
+        fields = np.flatnonzero(window.facts.clocks[stream].times_ns == time_ns)
+        moving = window.moving(stream, int(fields[0])) if len(fields) else None
+        if moving is not None:
+            return np.where(moving, np.float32(np.nan), window.depth_m(frame))
+    return None

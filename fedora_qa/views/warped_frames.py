@@ -1,7 +1,7 @@
 """The frames at both ends of a field of flow, smoothed and warped to the flow's grid, and the pixels that both show."""
 
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from math import inf
 from typing import Final
 
@@ -243,8 +243,7 @@ class FramePair:
             return np.asarray(
                 read_parts(rgb, _luma_of_codes(self.window.facts.declared.transfer), taps, parts, columns, rows)
             )
-        sigma_px = self.optics.sigma_px
-        smoothed = self.window.of_image("smooth luma", frame, lambda: smooth(luma_dn(self.window, frame), sigma_px))
+        smoothed = self.window.derived_image(_smooth_luma_dn, frame, self.optics.sigma_px)
         lines = (-1, columns.shape[-1])
         return read_between(smoothed, columns.reshape(lines), rows.reshape(lines)).reshape(columns.shape)
 
@@ -272,6 +271,10 @@ class FramePair:
         scale = H[2, 0] * columns + H[2, 1] * rows + H[2, 2]
         x, y = (((H[i, 0] * columns + H[i, 1] * rows + H[i, 2]) / scale).astype(np.float32) for i in range(2))
         return x, y
+
+
+def _smooth_luma_dn(window: Window, frame: int, sigma_px: float) -> Float32:
+    return smooth(luma_dn(window, frame), sigma_px)
 
 
 @cache
@@ -347,13 +350,20 @@ def visible(window: Window, interval: Interval, origins: Int64, fewest: int = 0)
     if len(origins) * TILE_PX**2 < _LARGEST_SHARE_WITHOUT_MAPS * min(image.size for image in depths_m):
         return seen_in_few_tiles(K, motion, origins, size, depths_m, geometry.uncertainty_px, fewest), True
     # Inverse depth (1/m, 0 where invalid) and edges of both frames, which the fields of all rates share.
-    focal_px = float(window.facts.declared.cameras["depth"].K[0, 0])
-    maps: list[tuple[Float32, NDArray[np.uint8]]] = []
-    for frame, depth_m in zip(geometry.frames, depths_m, strict=True):
-        inverse_per_m = window.of_image("inverse depth", frame, partial(inverse_depth, depth_m))
-        maps.append((inverse_per_m, window.of_image("depth edges", frame, partial(edges, inverse_per_m, focal_px))))
-    first, second = maps
+    first, second = (
+        (window.derived_image(_inverse_depth_per_m, frame), window.derived_image(_depth_edges, frame))
+        for frame in geometry.frames
+    )
     return seen_in_both(K, motion, origins, size, first, second, geometry.uncertainty_px), True
+
+
+def _inverse_depth_per_m(window: Window, frame: int) -> Float32:
+    return inverse_depth(window.depth_m(frame))
+
+
+def _depth_edges(window: Window, frame: int) -> NDArray[np.uint8]:
+    focal_px = float(window.facts.declared.cameras["depth"].K[0, 0])
+    return edges(window.derived_image(_inverse_depth_per_m, frame), focal_px)
 
 
 @dataclass(frozen=True, slots=True)
@@ -403,7 +413,7 @@ def geometry_of(window: Window, interval: Interval) -> Geometry | None:
         None where the depth camera is not declared or has a distorted lens, where an end of the interval has no depth
         frame, or where no pose covers it.
     """
-    return window.once(("geometry", interval), lambda: _geometry(window, interval))
+    return window.derived(_geometry, interval)
 
 
 def _geometry(window: Window, interval: Interval) -> Geometry | None:
@@ -413,7 +423,7 @@ def _geometry(window: Window, interval: Interval) -> Geometry | None:
         return None
     frames = [frame_at(facts.clocks["depth"], time_ns) for time_ns in (interval.start_ns, interval.end_ns)]
     track = pose_track(window, camera)
-    motion = motion_over(window, track, interval)
+    motion = motion_over(window, interval)
     if frames[0] is None or frames[1] is None or motion is None:
         return None
     correction, uncertainty_px = np.zeros(6), 0.0

@@ -26,6 +26,7 @@ from fedora_qa.engine.run import check_file
 from fedora_qa.engine.survey import Survey, opened, survey_file
 from fedora_qa.engine.tasks import measure_open
 from fedora_qa.engine.trials import TrialBench, run_trials
+from fedora_qa.engine.views import SequenceViews
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.pixels import Mirroring
 from fedora_qa.faults.reversible import ReversibleFault
@@ -151,9 +152,10 @@ def test_work_is_bounded_by_the_run_itself(park_day: Path, tmp_path: Path) -> No
         judged = judge(observations, file.asked, OPTIONS.false_alarm_rate)
         strict = {each.result.check: each.result for each in judged}
         alarms = [alarm for each in judged for alarm in each.alarms]
+        views = SequenceViews.of(file.sequence, file.ready)
+        ready = views.prepared(file.sequence, file.ready, frozenset())
         run = PlainRun(
-            file.sequence, file.ready, observations, strict, OPTIONS.effort, OPTIONS.memory_bytes,
-            OPTIONS.false_alarm_rate,
+            file.sequence, ready, observations, strict, OPTIONS.effort, OPTIONS.false_alarm_rate, views
         )  # fmt: skip
         bench = TrialBench.of(alarms, file.asked, run)
         hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}

@@ -164,7 +164,7 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
                     as_declared.typical if as_declared else np.inf,
                     fit.typical,
                     depths_plausible(pair.window.facts, lattice.depths_m),
-                    self.path_factor(pair, fit),
+                    self.path_factor(pair, fit) if window.sampling.features else float("nan"),
                 )
             )
         return tuple(fits)

@@ -182,7 +182,8 @@ class EventResponseConservation(Check[ConservationState]):
     def update(self, state: ConservationState, window: Window) -> None:
         """Join the window's frames to the last run, or begin another, and try inverse transforms on violations."""
         state.runs.follow(window)
-        state.trials.extend(inverse_trials(window))
+        if window.sampling.features:
+            state.trials.extend(inverse_trials(window))
         resampled = resampled_frames(window)
         if len(resampled) > 1:
             lone = count_lone_events(resampled.counts, np.diff(resampled.times_ns))

@@ -222,7 +222,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
                 # Poses are read once a window, and only where it owns an interval.
                 track = track or pose_track(window, window.facts.declared.cameras["depth"])
                 frame = frame_at(window.facts.clocks["depth"], interval.start_ns)
-                motion = motion_over(window, track, interval)
+                motion = motion_over(window, interval)
                 if frame is None or not ends_on_frame(window.facts, interval):
                     without_depth += 1
                 elif motion is None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -150,8 +149,8 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
             may_pass = False
             if track is not None and static_m is not None:
                 # Whether any static point may end behind the camera's plane, or too near to it to be certain.
-                motion = motion_over(window, track, interval)
-                range_m = window.once(("range of depth", frame), partial(depth_range_m, depth_m, static_m))
+                motion = motion_over(window, interval)
+                range_m = window.derived(_range_of_depth_m, frame)
                 may_pass = motion is None or (
                     range_m is not None and not _all_before(track, motion, depth_m.shape, range_m, window)
                 )
@@ -217,6 +216,11 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
         return Observation(coverage, (*statistics, *timestamp_statistics(facts)))
 
 
+def _range_of_depth_m(window: Window, frame: int) -> tuple[float, float] | None:
+    static_m = static_depth_m(window, frame)
+    return None if static_m is None else depth_range_m(window.depth_m(frame), static_m)
+
+
 def _count_wrong_pixels(
     window: Window, track: PoseTrack | None, interval: Interval, frame: int, static_m: NDArray[np.float32] | None
 ) -> FieldPattern:
@@ -231,7 +235,7 @@ def _count_wrong_pixels(
     before = np.zeros_like(valid)
     still = valid & np.isfinite(static_m) if track is not None and static_m is not None else before
     if track is not None and still.any():
-        motion = motion_over(window, track, interval)
+        motion = motion_over(window, interval)
         range_m = float(depth_m[still].min()), float(depth_m[still].max())
         if motion is not None and _all_before(track, motion, depth_m.shape, range_m, window):
             before = still

@@ -100,7 +100,7 @@ class ColourResponse:
 
 def colour_sums(window: Window) -> ColourSums | None:
     """Return the sums of a window; None where it has too few level samples."""
-    return window.once("colour_sums", lambda: _colour_sums(window))
+    return window.derived(_colour_sums)
 
 
 def _colour_sums(window: Window) -> ColourSums | None:

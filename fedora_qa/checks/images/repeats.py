@@ -234,7 +234,11 @@ def repeated(frames: Sequence[FrameDigest]) -> list[tuple[int, int]]:
 
 def _digest(window: Window, frame: int) -> bytes:
     """Return the digest of a frame, taken once for neighbouring windows."""
-    return window.of_image("digest", frame, lambda: digest_of(window.rgb(frame))).tobytes()
+    return window.derived_image(_digest_of, frame).tobytes()
+
+
+def _digest_of(window: Window, frame: int) -> NDArray[np.uint8]:
+    return digest_of(window.rgb(frame))
 
 
 def must_have_changed(window: Window, frame: int) -> bool | None:

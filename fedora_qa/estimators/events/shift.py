@@ -23,7 +23,7 @@ energies, which bounds it by 1 (Cauchy and Schwarz) with equality where both ima
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Final
 
@@ -259,6 +259,7 @@ class IntervalChanges:
         return squares[0]
 
 
+@lru_cache(maxsize=256)
 def _share_of_pairs(box: tuple[int, int, int, int], area: tuple[int, int, int, int]) -> Float64:
     """Return the share of the pixels of a part whose partners lie within an area, by shifts as in a correlation."""
     shifts, shares = np.arange(-RADIUS_PX, RADIUS_PX + 1), []
