@@ -7,12 +7,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import NS_PER_S, US_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.events.footprint import FootprintAxis, Footprints, column_axis, row_axis
 from fedora_qa.estimators.events.orientation import LEAST_LIGHT
 from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel
 from fedora_qa.estimators.events.row_kernels import count_between_frames
+from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
@@ -182,6 +183,20 @@ def tile_around(chosen: NDArray[np.bool_], shape: tuple[int, int]) -> tuple[int,
     left, right = (-(-int(edge) * width // GRID) for edge in (columns.min(), columns.max() + 1))
     top, bottom = (-(-int(edge) * height // GRID) for edge in (rows.min(), rows.max() + 1))
     return left, top, right, bottom
+
+
+def place_of_segment(facts: Facts, start_ns: int, stop_ns: int) -> tuple[Where, str]:
+    """Return a segment of time of the events, ns from the origin, as a place and as the beginning of a sentence."""
+    start_us, stop_us = facts.to_file_us(start_ns), facts.to_file_us(stop_ns)
+    words = f"From {start_us / US_PER_S:.2f} s to {stop_us / US_PER_S:.2f} s"
+    return Where(stream="events", start_us=start_us, stop_us=stop_us), words
+
+
+def place_of_tiles(facts: Facts, chosen: NDArray[np.bool_]) -> tuple[Where, str]:
+    """Return the rectangle around tiles (GRID^2,) of the events as a place and as the beginning of a sentence."""
+    tile = tile_around(chosen, sensor_shape(facts.declared))
+    words = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
+    return Where(stream="events", tile=tile), words
 
 
 def is_large_sensor(window: Window) -> bool:

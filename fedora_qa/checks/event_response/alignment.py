@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
-from fedora_qa.conventions import US_PER_S
 from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
 from fedora_qa.estimators.events.level_changes import level_changes
 from fedora_qa.estimators.events.shift import (
@@ -35,9 +34,10 @@ from fedora_qa.views.event_camera import (
     is_large_sensor,
     lattice_signals,
     pixel_events,
+    place_of_segment,
+    place_of_tiles,
     resampled_frames,
     sensor_shape,
-    tile_around,
     why_frames_and_events_do_not_meet,
 )
 
@@ -277,9 +277,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         )
         if segment is not None:
             chosen = [window for window, alike in zip(state, segment.alike, strict=True) if alike]
-            start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
-            where = Where(stream="events", start_us=start_us, stop_us=stop_us)
-            place = f"From {start_us / US_PER_S:.2f} s to {stop_us / US_PER_S:.2f} s"
+            where, place = place_of_segment(facts, chosen[0].start_ns, chosen[-1].stop_ns)
             statistics.append(self._part("stretch", segment, bounds, where, place))
         count = sum(len(window.patches) for window in state)
         spreads = [lattice_spread(of_tile) for of_tile in tiles.swapaxes(0, 1)]
@@ -287,9 +285,8 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             ShiftSums.added([window.tiles for window in state]), count, threshold, CLEAR, spreads=spreads
         )
         if region is not None:
-            tile = tile_around(region.alike, sensor_shape(facts.declared))
-            place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
-            statistics.append(self._part("region", region, bounds, Where(stream="events", tile=tile), place))
+            where, place = place_of_tiles(facts, region.alike)
+            statistics.append(self._part("region", region, bounds, where, place))
         return statistics
 
     def _part(self, rule: str, part: PartShift, bounds: Float64, where: Where, place: str) -> Statistic:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
-from fedora_qa.conventions import US_PER_S
 from fedora_qa.estimators.events.orientation import (
     BLOCK_PX,
     LEAST_PREDICTED,
@@ -26,8 +25,8 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_blocks import block_moments
 from fedora_qa.views.event_camera import (
-    sensor_shape,
-    tile_around,
+    place_of_segment,
+    place_of_tiles,
     why_frames_and_events_do_not_meet,
 )
 
@@ -177,16 +176,12 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
         segment = most_reoriented([window.steps for window in state], noise)
         if segment is not None:
             chosen = [window for window, inside in zip(state, segment.parts, strict=True) if inside]
-            start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
-            where = Where(stream="events", start_us=start_us, stop_us=stop_us)
-            place = f"From {start_us / US_PER_S:.2f} s to {stop_us / US_PER_S:.2f} s"
+            where, place = place_of_segment(facts, chosen[0].start_ns, chosen[-1].stop_ns)
             statistics.append(_part("advantage_in_a_stretch", "stretch", segment, where, place))
         tiles = np.sum([window.tiles for window in state], axis=0)
         region = most_reoriented([ChangeMoments(sums) for sums in tiles], noise)
         if region is not None:
-            tile = tile_around(region.parts, sensor_shape(facts.declared))
-            where = Where(stream="events", tile=tile)
-            place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
+            where, place = place_of_tiles(facts, region.parts)
             statistics.append(_part("advantage_in_a_region", "region", region, where, place))
         return Observation(coverage, tuple(statistics))
 

@@ -15,7 +15,7 @@ from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import sensor_shape, tile_around, why_frames_and_events_do_not_meet
+from fedora_qa.views.event_camera import place_of_segment, place_of_tiles, why_frames_and_events_do_not_meet
 from fedora_qa.views.event_clock_offset import (
     ClockOffset,
     InterpolationSums,
@@ -236,15 +236,12 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
         statistics = [self._offset(fitted, facts, courses, of_all_pixels=not _differs_clearly(region)), rate]
         if segment is not None:
             chosen = [each for each, inside in zip(interpolation, segment.step.chosen, strict=True) if inside]
-            start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
-            where = Where(stream="events", start_us=start_us, stop_us=stop_us)
-            place = f"From {start_us / 1e6:.2f} s to {stop_us / 1e6:.2f} s"
+            where, place = place_of_segment(facts, chosen[0].start_ns, chosen[-1].stop_ns)
             part_and_rest = (place, "in the rest of the sequence")
             statistics.append(self._part("stretch", segment, where, part_and_rest, _present(courses)))
         if region is not None:
-            tile = tile_around(region.step.chosen, sensor_shape(facts.declared))
-            place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
-            statistics.append(self._part("region", region, Where(stream="events", tile=tile), (place, "elsewhere"), ()))
+            where, place = place_of_tiles(facts, region.step.chosen)
+            statistics.append(self._part("region", region, where, (place, "elsewhere"), ()))
         return Observation(coverage, tuple(statistics))
 
     def _offset(
