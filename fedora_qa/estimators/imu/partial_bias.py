@@ -91,8 +91,8 @@ def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> Partia
 
     def biases(first: NDArray[np.intp], last: NDArray[np.intp]) -> Float64:
         sums = projection[last] - projection[first]
-        solved: Float64 = np.linalg.solve(information[last] - information[first] + floor, sums[..., np.newaxis])
-        return solved[..., 0]
+        solved = np.linalg.solve(information[last] - information[first] + floor, sums[..., np.newaxis])
+        return np.asarray(solved[..., 0], dtype=np.float64)
 
     def removed(first: NDArray[np.intp], last: NDArray[np.intp]) -> Float64:
         squares: Float64 = np.einsum("ni,ni->n", projection[last] - projection[first], biases(first, last))
