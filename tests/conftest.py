@@ -13,7 +13,14 @@ from fedora_generator.mesh import places
 from fedora_generator.scene import load_scene
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from tests.support.graphics import require_chromium, require_opengl
-from tests.support.sequences import CLEAN_PART_S, CLEAN_S, CleanSequence, make_sequence
+from tests.support.sequences import (
+    CLEAN_PART_S,
+    CLEAN_S,
+    CLEAN_SIZE_PX,
+    CLEAN_SIZES_PX,
+    CleanSequence,
+    make_sequence,
+)
 from tests.support.shared_files import SharedFiles
 
 
@@ -61,8 +68,7 @@ def clean_sequence(shared_files: SharedFiles) -> CleanSequence:
         if renderer == "mesh":
             require_opengl()
         duration_s = CLEAN_S.get(scene, CLEAN_PART_S[renderer])
-        # Faults are planted in the park of meshes by day, and need size.
-        width, height = (180, 136) if renderer == "mesh" and scene != "park-mesh-day" else (270, 200)
+        width, height = CLEAN_SIZES_PX.get(scene, CLEAN_SIZE_PX[renderer])
         return shared_files.file(
             f"{scene}-short.h5", lambda path: make_sequence(path, scene, duration_s, width, height)
         )
