@@ -4,13 +4,13 @@ import re
 import runpy
 import shlex
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.cli.conftest import Command
 from tests.support.documented import DOCS
+from tests.support.sequences import make_sequence
 
 BLOCK = re.compile(
     r"^```(?P<language>\w+)(?: title=\"(?P<title>[^\"]*)\")?\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
@@ -30,12 +30,10 @@ def missing_lines(shown: str, printed: str) -> list[str]:
     return [line for line in wanted if without_numbers(line) not in lines]
 
 
-def test_the_tutorial(
-    fedora_qa: Command, clean_sequence: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_tutorial(fedora_qa: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each command prints the lines that the page shows, and files hold what it writes into them."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "park.h5").symlink_to(clean_sequence("park-day"))
+    make_sequence(tmp_path / "park.h5", "park-day", 0.6, 270, 200)
     (tmp_path / "docs").symlink_to(DOCS)
     commands = []
     for block in BLOCK.finditer((DOCS / "tutorial.md").read_text(encoding="utf-8")):
@@ -56,7 +54,7 @@ def test_the_tutorial(
                         runpy.run_path(arguments[0])
                     elif program == "fedora-qa":
                         assert not missing_lines(shown, fedora_qa(*arguments).out), command
-    assert commands[0] == GENERATE, "the shared file is made as the page says"
+    assert commands[0] == GENERATE, "the file is made as the page says"
     assert len(commands) == 10
     assert Path("report.html").stat().st_size > 0
 
