@@ -1,12 +1,12 @@
-"""The run of a file that could not be opened or judged, as the processes that tried have ended."""
+"""The run of a file that could not be opened or judged, and the record of a file of which nothing was measured."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final
 
 from fedora_qa.check_names import selected_explanations
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.record.types import FileRecord, Result
-from fedora_qa.storage.digest import file_digest
+from fedora_qa.record.types import Diagnosis, FileRecord, Result, Verdict
+from fedora_qa.storage.digest import Digest, file_digest
 from fedora_qa.storage.place import Place
 
 if TYPE_CHECKING:  # loads what measures
@@ -37,16 +37,23 @@ def lost_file(
     # Reads bytes only, not through HDF5, which may have ended the processes before.
     digest = file_digest(path)
     reason = f"the process by which it was {doing} {end}"
-    return FileRun(
-        FileRecord(
-            path=str(path),
-            size=digest.version.size,
-            sha256=digest.sha256,
-            digest_kind=digest.kind,
-            dialect="",
-            inferred={},
-            statistics={},
-            verdict="incomplete",
-            results=tuple(Result(name, "crashed", question, reason=reason) for name, question in questions.items()),
-        )
+    results = tuple(Result(name, "crashed", question, reason=reason) for name, question in questions.items())
+    return FileRun(record_without_facts(path, digest, "incomplete", results))
+
+
+def record_without_facts(
+    path: Place, digest: Digest, verdict: Verdict, results: tuple[Result, ...], diagnoses: tuple[Diagnosis, ...] = ()
+) -> FileRecord:
+    """Return the record of a file of which nothing was measured."""
+    return FileRecord(
+        path=str(path),
+        size=digest.version.size,
+        sha256=digest.sha256,
+        digest_kind=digest.kind,
+        dialect="",
+        inferred={},
+        statistics={},
+        verdict=verdict,
+        results=results,
+        diagnoses=diagnoses,
     )

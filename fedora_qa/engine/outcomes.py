@@ -6,10 +6,10 @@ from typing import Any, Final
 
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.lost_file import DIED_TWICE
+from fedora_qa.engine.lost_file import DIED_TWICE, record_without_facts
 from fedora_qa.engine.measure import PassState
 from fedora_qa.judgement.judge import Judged
-from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Verdict, Where
+from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Where
 from fedora_qa.record.wording import NOT_RECOGNISED
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
@@ -122,7 +122,7 @@ def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]],
         if check.name == _READING_CHECK:
             result = replace(result, outcome="failed", reason="", findings=(finding,), coverage=Coverage(0, 1, "files"))
         results.append(result)
-    return _record_without_facts(path, digest, "findings", tuple(results), (diagnosis,))
+    return record_without_facts(path, digest, "findings", tuple(results), (diagnosis,))
 
 
 def unrecognised_record(path: Place, digest: Digest, checks: Iterable[Check[Any]]) -> FileRecord:
@@ -141,25 +141,7 @@ def unrecognised_record(path: Place, digest: Digest, checks: Iterable[Check[Any]
         f"{NOT_RECOGNISED}: no dialect describes anything in the file; draft one with "
         f"`fedora-qa layout {path} --draft-dialect mine.toml`"
     )
-    return _record_without_facts(path, digest, "incomplete", tuple(not_applicable(check, reason) for check in checks))
-
-
-def _record_without_facts(
-    path: Place, digest: Digest, verdict: Verdict, results: tuple[Result, ...], diagnoses: tuple[Diagnosis, ...] = ()
-) -> FileRecord:
-    """Return the record of a file of which nothing was measured."""
-    return FileRecord(
-        path=str(path),
-        size=digest.version.size,
-        sha256=digest.sha256,
-        digest_kind=digest.kind,
-        dialect="",
-        inferred={},
-        statistics={},
-        verdict=verdict,
-        results=results,
-        diagnoses=diagnoses,
-    )
+    return record_without_facts(path, digest, "incomplete", tuple(not_applicable(check, reason) for check in checks))
 
 
 def lost_windows(lost: Sequence[Span], of: int, facts: Facts) -> tuple[Result, ...]:
