@@ -72,18 +72,23 @@ def loss_of(
 ) -> Tensor:
     """Return NAEE + NADE + the mean of both NAE of the motion: what is scored, over the valid pixels of a batch."""
     (flow_px, disparity, motion), (true_flow_px, true_disparity, true_motion) = outputs, truth
-    flow_valid = torch.isfinite(true_flow_px).all(dim=1)
     # A norm has no gradient at 0.
     squares = ((flow_px - torch.nan_to_num(true_flow_px)) ** 2).sum(dim=1)
-    naee = torch.sqrt(squares[flow_valid] + 1e-8).mean() / scales.flow_px
-    disparity_valid = torch.isfinite(true_disparity)
-    nade = (disparity - true_disparity)[disparity_valid].abs().mean() / scales.disparity_per_m
+    flow_valid = torch.isfinite(true_flow_px).all(dim=1)
+    naee = _mean_where(flow_valid, torch.sqrt(squares + 1e-8)) / scales.flow_px
+    disparity_errors = (disparity - torch.nan_to_num(true_disparity)).abs()
+    nade = _mean_where(torch.isfinite(true_disparity), disparity_errors) / scales.disparity_per_m
     errors = motion - true_motion
     nae = 0.5 * (
         torch.sqrt((errors[:, :3] ** 2).sum(dim=1) + 1e-12).mean() / scales.translation_m
         + torch.sqrt((errors[:, 3:] ** 2).sum(dim=1) + 1e-12).mean() / scales.rotation_rad
     )
     return naee + nade + nae
+
+
+def _mean_where(valid: Tensor, values: Tensor) -> Tensor:
+    """Return the mean of the valid values. Selecting them by index would make a GPU wait for their number."""
+    return torch.where(valid, values, 0.0).sum() / valid.sum()
 
 
 def predict(network: MotionNetwork, voxels: Tensor, batch: int = 64) -> Targets:

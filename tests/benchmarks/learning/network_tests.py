@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from tests.benchmarks.learning.budget import BINS, BUDGETS, EVENT_SIZE
-from tests.benchmarks.learning.mirroring import MIRRORED_MOTION
+from tests.benchmarks.learning.mirroring import MIRRORED_FLOW, MIRRORED_MOTION
 from tests.benchmarks.learning.network import MotionNetwork, TargetScales, loss_of, predict
 from tests.benchmarks.learning.samples import MOTION_COLUMNS, Samples, Targets
 from tests.benchmarks.learning.training import _mirrored, scales_of, train
@@ -64,13 +64,14 @@ def test_mirroring_twice_changes_nothing() -> None:
     samples = sliding(2, seed=1)
     arrays = (samples.voxels, samples.targets.flow_px, samples.targets.disparity_per_m, samples.targets.motion)
     batch = tuple(torch.from_numpy(values) for values in arrays)
-    draws = torch.tensor([0.1, 0.9])
-    once = _mirrored(batch, draws)
+    mirror = torch.tensor([True, False])
+    signs = torch.from_numpy(MIRRORED_FLOW), torch.from_numpy(MIRRORED_MOTION)
+    once = _mirrored(batch, mirror, signs)
     np.testing.assert_array_equal(once[0][0].numpy(), samples.voxels[0, :, :, ::-1])
     np.testing.assert_array_equal(once[1][0, 0].numpy(), -samples.targets.flow_px[0, 0, :, ::-1])
     np.testing.assert_array_equal(once[3][0].numpy(), samples.targets.motion[0] * MIRRORED_MOTION)
     np.testing.assert_array_equal(once[0][1].numpy(), samples.voxels[1])
-    for values, before in zip(_mirrored(once, draws), batch, strict=True):
+    for values, before in zip(_mirrored(once, mirror, signs), batch, strict=True):
         np.testing.assert_array_equal(values.numpy(), before.numpy())
 
 

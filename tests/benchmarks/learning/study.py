@@ -57,13 +57,14 @@ def main(budget_name: str, parts: str, processes: int, fresh: bool, target: Path
 
 
 def _missing(parts: Sequence[Part], budget: Budget, results: Results) -> list[tuple[TrainingRun, ...]]:
-    """Return the runs of some parts that have no result yet, those on the same data together."""
+    """Return the runs of some parts that have no result yet, at most ``budget.seeds`` on the same data together."""
     by_data: dict[Arrangement, dict[TrainingRun, None]] = {}
     for runs in (runs for part in parts for runs in runs_of(part, budget)):
         by_data.setdefault(runs[0].arrangement, {}).update(
             dict.fromkeys(run for run in runs if not results.holds(run.name))
         )
-    return [tuple(runs) for runs in by_data.values() if runs]
+    most = budget.seeds
+    return [tuple(runs)[first : first + most] for runs in by_data.values() for first in range(0, len(runs), most)]
 
 
 def _draws(arrangements: Sequence[Arrangement], budget: Budget) -> list[FlightDraw]:
@@ -99,7 +100,8 @@ def _train_all(results: Results, budget: Budget, runs: tuple[TrainingRun, ...]) 
     }
     inputs = {kind: [read_samples(path, arrangement.rate_hz) for path in paths] for kind, paths in tests.items()}
     with TemporaryDirectory(dir=results.folder) as scratch:
-        if arrangement.fault is None and arrangement.sampling == "iso-time":
+        without_network = arrangement.fault is None and arrangement.sampling == "iso-time"
+        if without_network and not results.holds(trivial_name(arrangement)):
             results.write(trivial_name(arrangement), _trivial(arrangement, training, tests, inputs, Path(scratch)))
         for run in runs:
             began = time.monotonic()
@@ -117,7 +119,7 @@ def _train_all(results: Results, budget: Budget, runs: tuple[TrainingRun, ...]) 
                     "steps": trained.steps,
                     "best_step": trained.best_step,
                     "validation_loss": trained.validation_loss,
-                    "device": device,
+                    "device": torch.cuda.get_device_name() if device == "cuda" else device,
                     "seconds": round(time.monotonic() - began, 1),
                     "date": time.strftime("%Y-%m-%d"),
                     "errors": errors,
