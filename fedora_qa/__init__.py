@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from fedora_qa.api.sequence import open_sequence
     from fedora_qa.api.stats import MeasuredStatistics, stats
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 __all__ = [
     "CheckedRecord",
