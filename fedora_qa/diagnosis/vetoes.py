@@ -84,7 +84,8 @@ def contradicts(
         # A whole that correlates says nothing of a while in which single changes do not.
         while_apart = family in ("rgb", "events") and _failed(results.get("event_response.frames"))
         correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()) if not while_apart)
-        return correlates or any(_failed(results.get(check)) for check in _OWN.get(family, ()))
+        disturbed = any(_failed(results.get(check)) for check in _OWN.get(family, ()))
+        return correlates or disturbed or _steps_back(results.get("clocks.order"), family)
     if cause in ("time_offset", "clock_rate") and family in places:
         offset_ms = magnitude if cause == "time_offset" else None
         if places[family].excludes(offset_ms):
@@ -117,6 +118,14 @@ def _frames_contradict(cause: str, stream: str, magnitude: float, result: Result
         if len(sizes) == len(_OF_FLOW[cause]) and abs(magnitude) > hypot(*sizes):
             return True
     return False
+
+
+def _steps_back(result: Result | None, family: str) -> bool:
+    """Whether the clock of a stream steps back: what lies behind it correlates with nothing, of whatever sequence."""
+    return result is not None and any(
+        finding.code == "clocks.order.backward_steps" and stream_family(finding.where.stream or "") == family
+        for finding in result.findings
+    )
 
 
 def _failed(result: Result | None) -> bool:

@@ -3,8 +3,10 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from fedora_qa.diagnosis.vetoes import contradicts
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.estimators.imu.samples import InertialNoise
 from tests.support.motion_world import EXACT, NOISY, RESTLESS, MotionFile, sample_motion
@@ -26,3 +28,16 @@ def test_an_imu_of_another_flight_is_named(tmp_path: Path, declared: InertialNoi
     path = MotionFile(samples=mixed, declared=declared).write(tmp_path / "motion.h5")
     first = check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record.diagnoses[0]
     assert (first.cause, first.stream) == ("other_sequence", "imu")
+
+
+def test_an_imu_whose_counter_restarts_is_of_this_flight(tmp_path: Path) -> None:
+    """Behind a step back of the clock nothing fits the poses; that says nothing of the sequence."""
+    samples = sample_motion(duration_s=1.0)
+    times_s = samples.imu_times_s
+    restarted = np.where(times_s < 0.4, times_s, times_s - 0.4)
+    path = MotionFile(samples=samples).altered(imu_times_s=restarted).write(tmp_path / "motion.h5")
+    record = check_file(path, CheckOptions(evidence=None)).record
+    results = {result.check: result for result in record.results if result.check == "clocks.order"}
+    assert contradicts("other_sequence", "imu", None, results, {})
+    assert not contradicts("other_sequence", "pose", None, results, {})
+    assert "other_sequence" not in {diagnosis.cause for diagnosis in record.diagnoses}

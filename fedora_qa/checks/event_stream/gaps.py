@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.checks.event_stream.event_rows import event_coverage
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
-from fedora_qa.estimators.events.gaps import EventSilence, least_probable_silence
+from fedora_qa.estimators.clocks.grid import crowded_step_ns
+from fedora_qa.estimators.events.gaps import BINS, EventSilence, least_probable_silence
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -16,6 +18,8 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.clock_resets import clock_reset
 from fedora_qa.views.event_camera import all_events, own
 from fedora_qa.views.event_tick import local_tick_ns, tick_ns
+
+Int64 = NDArray[np.int64]
 
 _SIGMA_INTERVALS: Final = 3.5
 """Standard error of the length of a silence, in mean intervals between events, where every tick holds an event. A
@@ -76,8 +80,8 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
     -----------
     Counts in bins of a rate that itself fluctuates are gamma-Poisson. With mean m and a relative variance 1/r of the
     rate, both measured from the bins, a bin is empty with probability (1 + m / r)^-r. The standard error is the length
-    at which this probability equals that of one standard deviation. Every silence counts as a test. The grid of
-    timestamps is subtracted from each silence.
+    at which this probability equals that of one standard deviation. Every silence counts as a test. The grid of the
+    timestamps beside it is subtracted from each silence.
 
     Cannot detect
     -------------
@@ -104,7 +108,12 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
         if len(times_ns) and times_ns[0] >= start_ns > first_ns:
             # The silence began before the halo: its length is limited to the halo.
             times_ns = np.concatenate([[min(2 * start_ns - stop_ns, int(times_ns[0]) - 1)], times_ns])
-        silence, silences = least_probable_silence(times_ns, start_ns, stop_ns, local_tick_ns(window), first_ns)
+        step_ns = local_tick_ns(window)
+        silence, silences = least_probable_silence(times_ns, start_ns, stop_ns, step_ns, first_ns)
+        # Beside the silence events may lie on a coarser grid than in the rest of the window.
+        while silence is not None and (beside_ns := crowded_step_ns(_beside(times_ns, silence))) > step_ns:
+            step_ns = beside_ns
+            silence, silences = least_probable_silence(times_ns, start_ns, stop_ns, step_ns, first_ns)
         return SilenceCount(len(own(window, events)), silences, silence)
 
     def conclude(self, state: Sequence[SilenceCount], facts: Facts) -> Observation:
@@ -152,3 +161,10 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
             features=(ExpectedEvents(expected), *((reset,) if reset is not None and of_reset else ())),
         )
         return Observation(coverage, (statistic,))
+
+
+def _beside(times_ns: Int64, silence: EventSilence) -> Int64:
+    """Return the timestamps in the bins beside a silence."""
+    reach_ns = BINS * (silence.stop_ns - silence.start_ns)
+    first, stop = np.searchsorted(times_ns, [silence.start_ns - reach_ns, silence.stop_ns + reach_ns])
+    return times_ns[first:stop]

@@ -17,7 +17,7 @@ from scipy.special import ndtri_exp
 
 Int64 = NDArray[np.int64]
 
-_BINS: Final = 16
+BINS: Final = 16
 """Number of bins on each side of a silence."""
 # Least number of bins of a side that is used.
 _FEWEST_BINS: Final = 4
@@ -86,7 +86,7 @@ def least_probable_silence(
         informative &= ends_ns[:count] - longest_ns[:count] - _FEWEST_BINS * (longest_ns[:count] - tick_ns) >= begins_ns
     after_ns, before_ns = ends_ns[:count][informative], (ends_ns - longest_ns)[:count][informative]
     # Bins of the length of each silence, on its left and on its right, (2, k, bins).
-    steps_ns = np.arange(_BINS + 1) * (after_ns - before_ns - tick_ns)[:, np.newaxis]
+    steps_ns = np.arange(BINS + 1) * (after_ns - before_ns - tick_ns)[:, np.newaxis]
     left_ns, right_ns = before_ns[:, np.newaxis] - steps_ns[:, ::-1], after_ns[:, np.newaxis] - tick_ns + steps_ns
     counts = np.diff(np.searchsorted(times_ns, np.stack([left_ns, right_ns]), side="right"))
     inside = np.stack([left_ns[:, :-1] >= from_ns, right_ns[:, 1:] <= upto_ns])

@@ -196,6 +196,18 @@ def test_steps_of_a_linear_sensor_are_its_tick(path: Path) -> None:
     assert rules(run_check(path, "event_stream.gaps")) == ["silence"]
 
 
+def test_steps_beside_a_silence_are_its_tick(path: Path) -> None:
+    """Where timestamps jitter for a while, the rendered steps around that time are no silences."""
+
+    def jittered(events: Stream) -> Stream:
+        jitter_us = np.random.default_rng(0).normal(0.0, 1100.0, len(events)).astype(np.int64)
+        times_ns = np.where(between(440, 520)(events), events.times_ns + jitter_us * 1000, events.times_ns)
+        return replace(events, times_ns=times_ns).keep(np.argsort(times_ns, kind="stable"))
+
+    altered(jittered, linear_file()).write(path)
+    assert run_check(path, "event_stream.gaps").outcome == "passed"
+
+
 def test_few_events_on_a_grid_do_not_fail_a_release(path: Path) -> None:
     """A pixel that fires at every whole millisecond is measurable and not material: its share of events is stated."""
     file = log_file()
