@@ -75,10 +75,10 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
 
     Noise model
     -----------
-    None: counts are exact for the decoded rows. Depth may exceed its range by the float32 rounding of the stored value
-    and of the range, 2^-24 relative each, with a margin of a factor of 4. The flow of a point that ends beside the
-    camera is proportional to 1/Z and has no upper bound. With probability 1 - 1e-6, all K fields of W x H pixels with
-    diagonal D stay below 1e6 K (W + H) D^2 px.
+    None: counts are exact for the decoded rows. Depth may exceed its range by half the step in which it is stored, and
+    by the float32 rounding of the stored value and of the range, 2^-24 relative each, with a margin of a factor of 4.
+    The flow of a point that ends beside the camera is proportional to 1/Z and has no upper bound. With probability
+    1 - 1e-6, all K fields of W x H pixels with diagonal D stay below 1e6 K (W + H) D^2 px.
 
     Cannot detect
     -------------
@@ -92,6 +92,7 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
     """
 
     name = "integrity.finite"
+    looks_at = ("depth",)
 
     def measure(self, window: Window) -> tuple[DatasetCounts, ...]:
         """Count the values of every float dataset of the window."""
@@ -109,7 +110,7 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
                     if not spec.is_image:
                         tallies.append(tally_samples(key, start, rows))
                     elif key == "path/depth":
-                        tallies.append(tally_depth(key, start, rows[0], facts.declared.depth_range_m))
+                        tallies.append(tally_depth(key, start, rows[0], _stored_range_m(facts)))
                     else:
                         tallies.append(tally_flow(key, start, rows[0], _longest_px(facts, key)))
         return add_up(tallies)
@@ -147,6 +148,18 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
 def _float_datasets(facts: Facts) -> list[DatasetSpec]:
     """Return the datasets of the file's streams whose values may be other than finite."""
     return [spec for spec in datasets_of_all(facts.streams) if spec.dtype.startswith("float")]
+
+
+def _stored_range_m(facts: Facts) -> tuple[float, float] | None:
+    """Return the declared range of depth, wider by the rounding to the step in which depth is stored; m."""
+    range_m, step = facts.declared.depth_range_m, facts.steps.get("path/depth")
+    if range_m is None or step is None:
+        return range_m
+    low_mm, high_mm = (MM_PER_M * bound_m for bound_m in range_m)
+    low_error_mm, high_error_mm = step.error_bounds([low_mm, high_mm])
+    # A zero stands for an invalid pixel, however coarse the step.
+    nearest_mm = max(low_mm - low_error_mm, float(np.finfo(np.float32).smallest_subnormal))
+    return nearest_mm / MM_PER_M, float(high_mm + high_error_mm) / MM_PER_M
 
 
 def longest_displacement_px(intervals: int, height: int, width: int) -> float:

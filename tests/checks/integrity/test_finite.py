@@ -68,6 +68,18 @@ def test_infinity_is_no_invalid_value(path: Path, key: str, stream: str) -> None
     assert (diagnosis.cause, diagnosis.stream) == ("invalid_encoding", stream)
 
 
+@pytest.mark.parametrize(("beyond_mm", "expected"), [(0.0, []), (100.0, ["outside_range"])])
+def test_rounding_may_leave_the_range(path: Path, beyond_mm: float, expected: list[str]) -> None:
+    """Depths at both ends of the range, rounded to 64 mm, lie up to 32 mm beside it; others do not."""
+    with h5py.File(path, "r+") as file:
+        depth_mm = np.random.default_rng(0).uniform(1000 * RANGE_M[0], 1000 * RANGE_M[1], file[DEPTH].shape)
+        depth_mm[:, 0] = 1000 * RANGE_M[0]
+        depth_mm[:, 1] = 1000 * RANGE_M[1] + beyond_mm
+        file[DEPTH][...] = 64.0 * np.rint(depth_mm / 64.0)
+        assert file[DEPTH][()].max() > 1000 * RANGE_M[1]
+    assert rules(run_check(path, "integrity.finite")) == expected
+
+
 def test_metres_are_suspected(path: Path) -> None:
     """Depth in metres lies below the range as a whole; the factor is diagnosed."""
     with h5py.File(path, "r+") as file:
