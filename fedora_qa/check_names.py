@@ -13,6 +13,11 @@ def check_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for check in checks for name in (subject_of(check), check)))
 
 
+def module_of(check: str) -> str:
+    """Return the module of a check, which ``select_checks`` imports."""
+    return f"fedora_qa.checks.{check}"
+
+
 def require_check_names(names: Iterable[str], also: Iterable[str] = ()) -> None:
     """Raise ``MisuseError`` for a name that is no check, no subject and none of ``also``; it proposes the nearest."""
     legal = (*check_names(), *also)

@@ -5,8 +5,7 @@ from functools import partial
 
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.engine.altered import PlainRun
-from fedora_qa.engine.canaries import held_to_canaries, prove_alive
-from fedora_qa.engine.composite_faults import name_causes
+from fedora_qa.engine.cause_explanation import CauseExplanation
 from fedora_qa.engine.measure import PassState, attempt, conclude, follow_up, merge_all
 from fedora_qa.engine.options import FileRun
 from fedora_qa.engine.outcomes import lost_windows, results_in_order
@@ -14,7 +13,6 @@ from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.engine.progress import MEASURING, Progress, Stopwatch
 from fedora_qa.engine.stream_agreement import keep_agreement
 from fedora_qa.engine.survey import OpenSurvey, Prepared, Survey
-from fedora_qa.engine.trial_evidence import keep_trials
 from fedora_qa.engine.views import SequenceViews
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
@@ -74,12 +72,15 @@ def assemble(
         options.false_alarm_rate,
         views,
     )
-    if alarms:
-        # Views decode rows for themselves.
-        ready.decoder.leases.forget()
+    causes = CauseExplanation()
     with watch.stage("diagnosis"):
-        # Within a budget a file is judged several times, and every second belongs to its windows.
-        causes = name_causes(alarms, asked, plain, materiality, progress, with_trials=options.budget_s is None)
+        if alarms:
+            from fedora_qa.engine.composite_faults import name_causes  # noqa: PLC0415 - loads every fault
+
+            # Views decode rows for themselves.
+            ready.decoder.leases.forget()
+            # Within a budget a file is judged several times, and every second belongs to its windows.
+            causes = name_causes(alarms, asked, plain, materiality, progress, with_trials=options.budget_s is None)
         judged, diagnoses = join_places(judged, causes.diagnoses)
         alarms = [alarm for result in judged for alarm in result.alarms]
     with watch.stage("statistics"):
@@ -93,6 +94,8 @@ def assemble(
             of_pass = evidence_of_pass(file.keeper, states, findings, ready, file.chosen, wanted, again)
             groups = [of_pass, kept, distributions_of(file.distributions, states, facts)]
             if alarms:
+                from fedora_qa.engine.trial_evidence import keep_trials  # noqa: PLC0415 - loads every fault
+
                 of_trials = partial(keep_trials, diagnoses, causes.trials, causes.benches, wanted)
                 groups.append(attempt(states, file.keeper.name, of_trials) or TitledArrays())
                 groups.append(keep_agreement(asked, {each.result.check: each.result.outcome for each in judged}))
@@ -100,6 +103,8 @@ def assemble(
     results = results_in_order(survey.checks, judged, states, survey.reasons)
     canaries: tuple[Canary, ...] = ()
     if options.canary:
+        from fedora_qa.engine.canaries import held_to_canaries, prove_alive  # noqa: PLC0415 - loads every fault
+
         with watch.stage("canaries"):
             proofs = prove_alive(survey.checks, results, plain, progress)
             results = held_to_canaries(results, proofs)

@@ -18,31 +18,13 @@ from fedora_qa.diagnosis.diagnose import choose_causes, key_of, rank_candidates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.trial import UndoTrial
 from fedora_qa.engine.altered import PlainRun
+from fedora_qa.engine.cause_explanation import CauseExplanation
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.trials import TrialBench, run_trials
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.judgement.materiality import Materiality
 from fedora_qa.record.types import Diagnosis
 from fedora_qa.subjects.rows import hypotheses_of
-
-
-@dataclass(frozen=True, slots=True)
-class CauseExplanation:
-    """The causes of the findings of a file.
-
-    Attributes
-    ----------
-    diagnoses
-        In the order in which their faults are undone; those without a fault may stand anywhere.
-    trials
-        By the identifier of the diagnosis, where its fault was undone.
-    benches
-        On which that was done, by the identifier of the diagnosis: with the faults undone that were named before.
-    """
-
-    diagnoses: tuple[Diagnosis, ...]
-    trials: Mapping[str, UndoTrial]
-    benches: Mapping[str, TrialBench]
 
 
 def name_causes(

@@ -13,7 +13,8 @@ from multiprocessing import forkserver
 from multiprocessing.context import BaseContext
 from typing import Final
 
-from fedora_qa.subjects import SUBJECTS, subject_of
+from fedora_qa.check_names import is_selected, module_of
+from fedora_qa.checks.explanation import published_explanations
 
 _LONGEST_FOLDER: Final = 70
 """Characters of a temporary folder in which a socket of the fork server can lie: its path may have 107, of which
@@ -61,12 +62,13 @@ def begin_preloading(names: Iterable[str] = ()) -> None:
 
 
 def preloaded_modules(names: Iterable[str]) -> list[str]:
-    """Return the modules that are loaded before workers are forked: the engine, then the checks of some subjects."""
-    selected = {subject_of(name) for name in names} or {*SUBJECTS}
+    """Return the modules that are loaded before workers are forked: the engine, then the checks that are named."""
+    checks = [each.check for each in published_explanations()]
+    select = tuple(names)
     # Each process imports again what the module of the command imports: click.
     return [
         "fedora_qa.engine.preload",
-        *(f"fedora_qa.subjects.{subject}" for subject in SUBJECTS if subject in selected),
+        *(module_of(check) for check in checks if is_selected(check, select, ())),
         "click",
         "fedora_qa.engine.preloaded",
     ]

@@ -6,7 +6,7 @@ from fedora_qa.engine.survey import survey_file
 from fedora_qa.engine.tasks import measure_and_assemble
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.place import Place
-from fedora_qa.subjects.rows import select_checks
+from fedora_qa.subjects.selection import select_checks
 
 __all__ = ["CheckOptions", "FileRun", "check_file", "quiet", "select_checks"]
 

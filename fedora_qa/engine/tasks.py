@@ -18,7 +18,7 @@ from fedora_qa.layout.dialect import DialectChoice
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
-from fedora_qa.subjects.rows import select_checks
+from fedora_qa.subjects.selection import select_checks
 
 Asked = tuple[Check[Any], ...] | None
 """The checks of a file; None: those that the options select."""

@@ -1,6 +1,7 @@
-"""The checks of each subject, a module each, which is imported where a check of the subject is needed.
+"""The checks of each subject, with the causes that their findings suggest and their canaries, a module a subject.
 
-Read ``row`` and then ``rows``. ``fedora_qa/catalogue.py`` puts all together.
+Read ``row`` and then ``rows``. ``fedora_qa/catalogue.py`` puts all together. A run takes its checks from ``selection``,
+which imports no subject: causes and canaries are needed seldom.
 """
 
 from typing import Final

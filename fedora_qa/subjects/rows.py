@@ -1,10 +1,7 @@
 """The rows of those subjects that are asked for: of no other subject is anything imported."""
 
 from importlib import import_module
-from typing import Any
 
-from fedora_qa.check_names import is_selected, require_check_names
-from fedora_qa.checks.protocol import Check
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.faults.canary_conditions import PlantCanary
 from fedora_qa.judgement.judge import Alarm
@@ -24,20 +21,6 @@ def rows_of(subject: str) -> tuple[CatalogueRow, ...]:
 def canary_of(check: str) -> PlantCanary | None:
     """Return the canary of a check, by its name; None where there is none."""
     return next((row.canary for row in rows_of(subject_of(check)) if row.check.name == check), None)
-
-
-def select_checks(select: tuple[str, ...], ignore: tuple[str, ...]) -> tuple[Check[Any], ...]:
-    """Return the checks that are asked for, in their fixed order.
-
-    Raises
-    ------
-    MisuseError
-        A name is that of no subject and no check.
-    """
-    require_check_names((*select, *ignore))
-    subjects = {subject_of(name) for name in select} or {*SUBJECTS}
-    rows = [row for subject in SUBJECTS if subject in subjects for row in rows_of(subject)]
-    return tuple(row.check for row in rows if is_selected(row.check.name, select, ignore))
 
 
 def hypotheses_of(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

@@ -7,11 +7,11 @@ likely still: of n codes, h or more of the m that an exponent omits are among th
 probability.
 """
 
+from math import comb
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import hypergeom
 
 from fedora_qa.estimators.images.gain import CODES
 from fedora_qa.estimators.images.transfer import WHITE_DN
@@ -72,8 +72,10 @@ def exponent_after_rounding(counts: NDArray[np.integer]) -> float | None:
     both, either = np.count_nonzero(omitted & absent), np.count_nonzero(omitted | absent)
     if both < _LEAST_AGREEMENT * either:
         return None
-    numbers = (np.count_nonzero(mask) for mask in (compared, omitted, absent))
-    chance = float(hypergeom.sf(both - 1, *numbers)) * (len(_EXPONENTS) * len(_FINE))
+    n, m, k = (int(np.count_nonzero(mask)) for mask in (compared, omitted, absent))
+    # Hypergeometric: of the C(n, k) sets of k absent codes, those which share h codes or more with the m omitted ones.
+    agreeing = sum(comb(m, h) * comb(n - m, k - h) for h in range(int(both), min(m, k) + 1))
+    chance = agreeing / comb(n, k) * (len(_EXPONENTS) * len(_FINE))
     return best if chance < _CHANCE else None
 
 
