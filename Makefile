@@ -46,8 +46,9 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: kernels
 kernels: $(READY)
 	@mkdir -p $(OUT)
-	$(BIN)/fedora-generate sequence park-day -o $(OUT)/kernels.h5 --duration 0.5 --size 180x136 --force
-	$(BIN)/python -m fedora_qa.cli.kernel_list $(OUT)/kernels.h5
+	$(BIN)/fedora-generate sequence park-day -o $(OUT)/kernels.h5 --duration 0.6 --size 270x200 --force
+	$(BIN)/fedora-generate sequence park-noisy -o $(OUT)/kernels-noisy.h5 --duration 0.6 --size 180x136 --force
+	$(BIN)/python -m fedora_qa.cli.kernel_list $(OUT)/kernels.h5 $(OUT)/kernels-noisy.h5
 
 .PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-learning study-learning-smoke study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings bench-releases site clean
 

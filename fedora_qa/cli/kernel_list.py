@@ -27,9 +27,9 @@ Called = frozenset[tuple[str, str, str]]
 """Functions that were called: module, name, and types of arguments as JSON."""
 
 
-def called_by(path: Path, subject: str, _: Worker) -> Called:
+def called_by(path: Path, select: tuple[str, ...], _: Worker) -> Called:
     """Check a file, and return the compiled functions of the package that Python called in this process."""
-    check_file(path, CheckOptions(select=(subject,)))
+    check_file(path, CheckOptions(select=select))
     modules = {name: module for name, module in sys.modules.items() if name.startswith("fedora_qa.")}
     return frozenset(
         (module, name, json.dumps([text_of(stated) for stated in types]))
@@ -88,7 +88,7 @@ def _called_alone(path: Path, subject: str) -> Called:
     """
     for _ in range(2):
         with ProcessExecutor(1) as executor:
-            called: Called = executor.submit(Task(called_by, (path, subject)), quiet).result()
+            called: Called = executor.submit(Task(called_by, (path, (subject,))), quiet).result()
     return called
 
 

@@ -147,6 +147,8 @@ def pixel_intervals_ms(pixels: NDArray[np.integer[Any]], times_ns: Int64, start_
     else:  # a table by these numbers would be too large: pixels with events are renumbered
         distinct, inverse = np.unique(pixels, return_inverse=True)
         count, numbers = len(distinct), inverse.astype(np.int32)
+    times_ns = times_ns.view()
+    times_ns.flags.writeable = False  # as decoded timestamps are, so that the loop is compiled once
     return _intervals_ns(numbers, times_ns, count, start_ns, LONGEST_INTERVAL_NS) / NS_PER_MS
 
 

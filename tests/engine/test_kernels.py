@@ -13,13 +13,14 @@ from numba.core.dispatcher import Dispatcher
 
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.cli.compiling import TITLE, compile_for
-from fedora_qa.cli.kernel_list import groups_of
+from fedora_qa.cli.kernel_list import called_by, groups_of
 from fedora_qa.engine import kernels
-from fedora_qa.engine.executor import InProcess
+from fedora_qa.engine.executor import InProcess, Task
 from fedora_qa.engine.kernel_groups import KernelGroup, listed_groups
 from fedora_qa.engine.kernels import compile_group, kernel_of, text_of, type_of, uncompiled
 from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.worker import OpenFile, Worker
 from tests.support.handmade import write_handmade
 
@@ -50,6 +51,20 @@ def test_listed_kernels_exist_with_such_arguments() -> None:
             parameters = inspect.signature(kernel_of(group.module, name).py_func).parameters
             assert len(texts) == len(parameters), f"{group.module}.{name}: run fedora_qa.cli.kernel_list"
             assert [text_of(type_of(text)) for text in texts] == list(texts)
+
+
+def test_every_loop_that_a_check_calls_is_listed(park_day: Path) -> None:
+    """A loop that is not listed would be compiled by the check that calls it, while other cores are idle."""
+    listed = {(group.module, name) for group in listed_groups() for name in group.argument_types}
+    unlisted: set[tuple[str, str]] = set()
+    # Functions that others call look called where something was compiled; nothing is in a second process.
+    for _ in range(2):
+        with ProcessExecutor(1) as executor:
+            called = executor.submit(Task(called_by, (park_day, ())), quiet).result()
+        unlisted = {(module, name) for module, name, _ in called} - listed
+        if not unlisted:
+            break
+    assert not unlisted, "run fedora_qa.cli.kernel_list"
 
 
 def test_arithmetic_does_not_depend_on_the_order_of_compiling() -> None:

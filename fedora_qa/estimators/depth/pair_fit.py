@@ -249,8 +249,13 @@ class _FitProblem:
             if ahead is None or behind is None:
                 return None
             value_derivatives = (ahead - behind) / (2 * self.step)
+        # The order of axes of the noise depends on where it comes from; the loop is compiled for one.
         residuals, bounds, columns = _compared_rows(
-            warped.residuals, warped.bounds, value_derivatives, warped.twist_derivatives, self.noise
+            warped.residuals,
+            warped.bounds,
+            value_derivatives,
+            warped.twist_derivatives,
+            np.ascontiguousarray(self.noise),
         )
         if len(residuals) < FEWEST_PIXELS:
             return None
