@@ -55,7 +55,10 @@ class MaterialityRow:
 
     def describes(self, code: str, unit: str) -> bool:
         """Return whether the row holds for measurements of a code in a unit."""
-        return (self.exact or self.unit == unit) and any(fnmatchcase(code, pattern) for pattern in self.codes)
+        if not self.exact and self.unit != unit:
+            return False
+        # Most patterns are codes. For each of the others fnmatch compiles a regular expression.
+        return code in self.codes or any(fnmatchcase(code, pattern) for pattern in self.codes if "*" in pattern)
 
 
 def _read_table() -> tuple[MaterialityRow, ...]:

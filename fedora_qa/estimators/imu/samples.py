@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
 from fedora_qa.estimators.imu.rounding import mean_rounding_bound
@@ -359,7 +358,11 @@ def smoothed(times_s: Float64, values: Float64, width_s: float) -> Float64:
     """
     half = int(width_s / float(np.median(np.diff(times_s))) / 2) if len(times_s) > 1 else 0
     size = 2 * half + 1  # odd: an even one would shift by half a sample
-    mean: Float64 = uniform_filter1d(values, size, axis=0, mode="nearest") if size > 1 else values
+    if size == 1:
+        return values
+    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load, and only poses and the IMU need it
+
+    mean: Float64 = uniform_filter1d(values, size, axis=0, mode="nearest")
     return mean
 
 
