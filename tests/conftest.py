@@ -83,6 +83,12 @@ def park_day(shared_files: SharedFiles) -> Path:
 
 
 @pytest.fixture(scope="session")
+def small_park_day(clean_sequence: CleanSequence) -> Path:
+    """0.6 s of the park by day, 198 x 147, clean. Tests must not write into it."""
+    return clean_sequence("park-day")
+
+
+@pytest.fixture(scope="session")
 def tiny_park_day(shared_files: SharedFiles) -> Path:
     """0.3 s of the park by day, 90 x 68, clean. Tests must not write into it."""
     return shared_files.file("tiny-park-day.h5", lambda path: make_sequence(path, "park-day", 0.3, 90, 68))

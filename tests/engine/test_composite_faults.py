@@ -20,9 +20,9 @@ def delay_imu(file: h5py.File) -> None:
     file["path/imu/ts"][...] += 6000
 
 
-def test_two_faults_of_a_stream_have_two_names(park_day: Path, tmp_path: Path) -> None:
+def test_two_faults_of_a_stream_have_two_names(small_park_day: Path, tmp_path: Path) -> None:
     """A late clock, and a bias that is constant in the clock of its own stream."""
-    run = check_file(planted(park_day, tmp_path / "faulty.h5", bias_gyro, delay_imu), OPTIONS)
+    run = check_file(planted(small_park_day, tmp_path / "faulty.h5", bias_gyro, delay_imu), OPTIONS)
     assert {(d.cause, d.status) for d in run.record.diagnoses} == {
         ("gyro_bias", "confirmed"),
         ("time_offset", "confirmed"),
@@ -31,12 +31,15 @@ def test_two_faults_of_a_stream_have_two_names(park_day: Path, tmp_path: Path) -
     assert [fault.cause for fault in run.faults.values()] == [d.cause for d in run.record.diagnoses]
 
 
-def test_a_hidden_fault_is_named_and_repaired(park_day: Path, tmp_path: Path) -> None:
+def test_a_hidden_fault_is_named_and_repaired(small_park_day: Path, tmp_path: Path) -> None:
     """Events of inverted polarity have no delay that could be measured; without the inversion they have.
 
     The repaired file has the samples of the clean one; the hidden fault alone is not repaired.
     """
-    faulty, target = planted(park_day, tmp_path / "faulty.h5", flip_polarity, delay_events), tmp_path / "repaired.h5"
+    faulty, target = (
+        planted(small_park_day, tmp_path / "faulty.h5", flip_polarity, delay_events),
+        tmp_path / "repaired.h5",
+    )
     run = check_file(faulty, OPTIONS)
     first, hidden = run.record.diagnoses
     assert (first.cause, hidden.cause) == ("polarity_inverted", "time_offset")
@@ -47,7 +50,7 @@ def test_a_hidden_fault_is_named_and_repaired(park_day: Path, tmp_path: Path) ->
     assert "--only D1 --only D2" in omissions[-1].reason
     result = repair(faulty, target, OPTIONS, quiet, only=["D1", "D2"])
     assert result.refusal == ""
-    with h5py.File(target) as repaired, h5py.File(park_day) as clean:
+    with h5py.File(target) as repaired, h5py.File(small_park_day) as clean:
         assert np.array_equal(repaired["path/events/p"][()], clean["path/events/p"][()])
         late_us = np.abs(repaired[TIMES][()].astype(np.int64) - clean[TIMES][()].astype(np.int64))
     assert late_us.max() < 200

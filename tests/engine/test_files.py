@@ -69,11 +69,11 @@ def same(one: FileRun, other: FileRun) -> bool:
     return identical(one.record, other.record) and identical(one.arrays, other.arrays)
 
 
-def test_what_is_found_does_not_depend_on_the_workers(park_day: Path, tmp_path: Path) -> None:
+def test_what_is_found_does_not_depend_on_the_workers(small_park_day: Path, tmp_path: Path) -> None:
     """Checks of a faulty file, their second look, and evidence: dealt out over three workers, the same bits."""
     options = CheckOptions(select=("clocks", "event_response", "depth"))
     late = tmp_path / "late.h5"
-    plant_fault(park_day, late, "time_offset", "events", 3.0)
+    plant_fault(small_park_day, late, "time_offset", "events", 3.0)
     alone, dealt = (only_run(late, executor, options) for executor in (InProcess(), Travels()))
     assert alone.record.verdict == "findings"
     assert alone.arrays

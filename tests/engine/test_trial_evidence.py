@@ -57,9 +57,9 @@ def test_a_delay_shows_where_its_cost_is_least(park_day: Path, tmp_path: Path) -
     assert {tuple(run.arrays[name][1:]) for name in run.arrays if name.startswith("agreement/depth")} <= {(0,)}
 
 
-def test_a_reversed_flow_shows_what_it_leaves(park_day: Path, tmp_path: Path) -> None:
+def test_a_reversed_flow_shows_what_it_leaves(small_park_day: Path, tmp_path: Path) -> None:
     """Undone, the flow has the other sign, and frames that it carries differ less."""
-    run = run_of(faulty(park_day, tmp_path / "reversed.h5", negate_flow), "flow_geometry.endpoint")
+    run = run_of(faulty(small_park_day, tmp_path / "reversed.h5", negate_flow), "flow_geometry.endpoint")
     np.testing.assert_array_equal(run.arrays[f"{AFTER}/flow_px"], -run.arrays[f"{BEFORE}/flow_px"])
     before, after = (np.nanmean(np.square(run.arrays[f"{when}/residual_dn"], dtype=float)) for when in (BEFORE, AFTER))
     assert after < before / 2
@@ -68,9 +68,9 @@ def test_a_reversed_flow_shows_what_it_leaves(park_day: Path, tmp_path: Path) ->
     assert f"{AFTER}/depth_m" not in run.arrays
 
 
-def test_a_bias_shows_the_imu_against_the_path(park_day: Path, tmp_path: Path) -> None:
+def test_a_bias_shows_the_imu_against_the_path(small_park_day: Path, tmp_path: Path) -> None:
     """The residuals of the samples as declared, before and after; no picture, as none changes."""
-    run = run_of(faulty(park_day, tmp_path / "biased.h5", bias_gyro), "imu.rotation")
+    run = run_of(faulty(small_park_day, tmp_path / "biased.h5", bias_gyro), "imu.rotation")
     (before_s, before), (after_s, after) = (run.arrays[f"{when}/imu.rotation/residual"].T for when in (BEFORE, AFTER))
     np.testing.assert_array_equal(before_s, after_s)
     # 0.037 rad/s over 5 ms between poses at 200 Hz are 0.19 mrad.
@@ -79,9 +79,9 @@ def test_a_bias_shows_the_imu_against_the_path(park_day: Path, tmp_path: Path) -
     assert f"{BEFORE}/times_us" not in run.arrays
 
 
-def test_evidence_is_the_same_however_work_is_dealt_out(park_day: Path, tmp_path: Path) -> None:
+def test_evidence_is_the_same_however_work_is_dealt_out(small_park_day: Path, tmp_path: Path) -> None:
     """In one process and in two, to the last bit."""
-    path = faulty(park_day, tmp_path / "late.h5", delay_events)
+    path = faulty(small_park_day, tmp_path / "late.h5", delay_events)
     options = CheckOptions(select=("event_response.timing", *CHEAP))
     ((_, alone),) = check_files([path], options, InProcess(), lambda tally: None)
     with ProcessExecutor(2) as executor:

@@ -53,10 +53,10 @@ def require_nothing_left(file: Path) -> None:
     assert [path.name for path in file.parent.iterdir()] == [file.name]
 
 
-def test_events_that_are_late_are_repaired_and_checked(park_day: Path, tmp_path: Path) -> None:
+def test_events_that_are_late_are_repaired_and_checked(small_park_day: Path, tmp_path: Path) -> None:
     """By the check of the engine: the finding is gone, and the file states what was done to it."""
     late, out = tmp_path / "late.h5", tmp_path / "out.h5"
-    plant_fault(park_day, late, "time_offset", "events", 3.0)
+    plant_fault(small_park_day, late, "time_offset", "events", 3.0)
     options = CheckOptions(select=("event_response.timing", "index_maps", "clocks"), profile="release")
     fault = ClockShift("events", 3 * MS)
     result = repair(late, out, options, quiet, check=diagnosing_check(late, fault))
@@ -64,7 +64,7 @@ def test_events_that_are_late_are_repaired_and_checked(park_day: Path, tmp_path:
     assert result.before.verdict == "findings"
     assert result.after is not None
     assert {each.outcome for each in result.after.results} <= {"passed", "not_observable", "not_applicable"}
-    with h5py.File(out) as repaired, h5py.File(park_day) as clean:
+    with h5py.File(out) as repaired, h5py.File(small_park_day) as clean:
         np.testing.assert_array_equal(repaired["path/events/t"], clean["path/events/t"])
         np.testing.assert_array_equal(repaired["metadata/rgb_to_event"], clean["metadata/rgb_to_event"])
         done = json.loads(repaired[f"{PROVENANCE}/1"][()])
@@ -96,11 +96,11 @@ def test_events_that_are_late_are_repaired_and_checked(park_day: Path, tmp_path:
     ],
 )
 def test_a_fault_of_each_sort_is_repaired_and_checked(
-    cause: str, magnitude: float | None, fault: ReversibleFault, select: str, park_day: Path, tmp_path: Path
+    cause: str, magnitude: float | None, fault: ReversibleFault, select: str, small_park_day: Path, tmp_path: Path
 ) -> None:
     """Of codes, maps, rows, units, orders, declarations and channels, with the checks of their subject."""
     faulty = tmp_path / "faulty.h5"
-    plant_fault(park_day, faulty, cause, fault.stream, magnitude)
+    plant_fault(small_park_day, faulty, cause, fault.stream, magnitude)
     options = CheckOptions(select=(select,), profile="release")
     result = repair(faulty, tmp_path / "out.h5", options, quiet, check=diagnosing_check(faulty, fault))
     assert (result.before.verdict, result.refusal) == ("findings", "")
@@ -128,10 +128,10 @@ def test_a_map_of_milliseconds_is_diagnosed_and_repaired(tiny_park_day: Path, tm
 
 
 @pytest.mark.parametrize("offset_ms", [-3, 1])
-def test_a_wrong_fault_leaves_nothing_behind(offset_ms: int, park_day: Path, tmp_path: Path) -> None:
+def test_a_wrong_fault_leaves_nothing_behind(offset_ms: int, small_park_day: Path, tmp_path: Path) -> None:
     """Events are 3 ms late; neither the other sign nor a third of it clears the finding."""
     late = tmp_path / "late.h5"
-    plant_fault(park_day, late, "time_offset", "events", 3.0)
+    plant_fault(small_park_day, late, "time_offset", "events", 3.0)
     options = CheckOptions(select=("event_response.timing",))
     check = diagnosing_check(late, ClockShift("events", offset_ms * MS))
     result = repair(late, tmp_path / "out.h5", options, quiet, check=check)
@@ -139,15 +139,15 @@ def test_a_wrong_fault_leaves_nothing_behind(offset_ms: int, park_day: Path, tmp
     require_nothing_left(late)
 
 
-def test_two_faults_are_undone_one_after_the_other(park_day: Path, tmp_path: Path) -> None:
+def test_two_faults_are_undone_one_after_the_other(small_park_day: Path, tmp_path: Path) -> None:
     """Polarity and clock of the same events, in one copy."""
     once, both, out = (tmp_path / name for name in ("once.h5", "both.h5", "out.h5"))
-    plant_fault(park_day, once, "polarity_inverted", "events")
+    plant_fault(small_park_day, once, "polarity_inverted", "events")
     plant_fault(once, both, "time_offset", "events", 3.0)
     result = repair(both, out, CheckOptions(), quiet,
                     check=given_check(both, PolarityInversion(), ClockShift("events", 3 * MS)))  # fmt: skip
     assert [step.diagnosis.id for step in result.steps] == ["D1", "D2"]
-    with h5py.File(out) as repaired, h5py.File(park_day) as clean:
+    with h5py.File(out) as repaired, h5py.File(small_park_day) as clean:
         for column in "xytp":
             np.testing.assert_array_equal(repaired[f"path/events/{column}"], clean[f"path/events/{column}"])
 
@@ -163,10 +163,10 @@ def test_a_second_repair_adds_to_the_provenance(file: Path) -> None:
         assert json.loads(twice[f"{PROVENANCE}/2"][()])["source"]["name"] == "once.h5"
 
 
-def test_chunks_without_an_altered_value_keep_their_bytes(park_day: Path, tmp_path: Path) -> None:
+def test_chunks_without_an_altered_value_keep_their_bytes(small_park_day: Path, tmp_path: Path) -> None:
     """Two frames are sorted; every other chunk is the one of the file, not decoded and encoded again."""
     faulty, out = tmp_path / "faulty.h5", tmp_path / "out.h5"
-    plant_fault(park_day, faulty, "unsorted", "rgb", 2)
+    plant_fault(small_park_day, faulty, "unsorted", "rgb", 2)
     assert not repair(faulty, out, CheckOptions(), quiet, check=given_check(faulty, Unsorted("rgb", 0, 2))).refusal
     with h5py.File(faulty) as before, h5py.File(out) as after:
         for name in ("path/rgb", "path/depth", "path/events/t"):
@@ -245,10 +245,10 @@ def test_values_that_the_stored_type_cannot_hold_are_refused(file: Path) -> None
     require_nothing_left(file)
 
 
-def test_rows_that_cannot_be_decoded_are_refused(park_day: Path, tmp_path: Path) -> None:
+def test_rows_that_cannot_be_decoded_are_refused(small_park_day: Path, tmp_path: Path) -> None:
     """A chunk is damaged of the stream that is altered; that of another stream stays as it is."""
     faulty = tmp_path / "seq.h5"
-    faulty.write_bytes(park_day.read_bytes())
+    faulty.write_bytes(small_park_day.read_bytes())
     with h5py.File(faulty) as opened:
         chunk = opened["path/imu/linear_acceleration"].id.get_chunk_info(0)
     with faulty.open("r+b") as damaged:
