@@ -211,14 +211,19 @@ def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Fl
 
     Both are zero where a point lies behind the camera.
     """
+    residual, in_front = _residual_px(K, motion, sample)
     points1_m = sample.moved_points_m(K, motion)
-    residual = sample.flow_px - sample.rigid_flow(K, motion)
-    in_front = np.logical_and(*np.isfinite(residual).T)
     # A point in front of the camera keeps the Jacobian finite until it is multiplied by 0.
     points1_m[~in_front] = (0.0, 0.0, 1.0)
-    jacobian = sample.twist_jacobian(K, points1_m) * in_front[:, None, None]
+    return residual, sample.twist_jacobian(K, points1_m) * in_front[:, None, None]
+
+
+def _residual_px(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Float64, NDArray[np.bool_]]:
+    """Return the residual (n, 2), px, and where (n,) points lie in front of the camera; it is zero elsewhere."""
+    residual = sample.flow_px - sample.rigid_flow(K, motion)
+    in_front = np.logical_and(*np.isfinite(residual).T)
     residual[~in_front] = 0.0
-    return residual, jacobian
+    return residual, in_front
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,7 +340,7 @@ def weigh_templates(
     rounding.
     """
     if twist_covariance is None or fit is None:
-        return _normal_equations(_linearised(K, motion, sample)[0], templates, sample.sigma_px)
+        return _normal_equations(_residual_px(K, motion, sample)[0], templates, sample.sigma_px)
     residual, jacobian = _linearised(K, fit.motion, sample)
     residual = residual + jacobian @ fit.twist  # about the given motion: the prior's mean
     plain = _normal_equations(residual, templates, sample.sigma_px)
