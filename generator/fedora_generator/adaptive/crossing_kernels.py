@@ -157,7 +157,7 @@ def _follow_tile(
             references[y * columns + x] = sensor.reference[row + y, column + x]
     for sample in range(1, steps + 1):
         sample_block(stage, sensor, column, row, rows, columns, sample / steps, values[sample])
-    count = 0
+    count = int(np.int64(0))  # a literal is a type of its own, for which Numba would compile the callees once more
     for pixel in range(rows * columns):
         x, y = column + pixel % columns, row + pixel // columns
         if not math.isfinite(values[:, pixel].sum()):

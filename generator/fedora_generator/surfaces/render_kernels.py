@@ -160,7 +160,7 @@ def _add_pieces(
 ) -> None:
     """Radiance of a pixel that several faces, or a face and the sky, share."""
     start_pieces(pieces)
-    last = 0
+    last = int(np.int64(0))  # a literal is a type of its own, for which Numba would compile the callees once more
     while last >= 0:
         face = face_or_cut(view.lines, faces, count, x, y, pieces, last)
         if face == CUT:
