@@ -32,7 +32,7 @@ def clean(request: pytest.FixtureRequest, shared_files: SharedFiles) -> Path:
 
 
 def written(shared_files: SharedFiles, model: str) -> Path:
-    scene = small_scene("park-day")
+    scene = small_scene("park-day", 198, 147)
     scene = replace(scene, camera=replace(scene.camera, distortion_model=model, distortion=LENSES[model]))
     request = Request(duration_s=0.6, quality="draft")
     return shared_files.file(f"park-{model}.h5", lambda path: generate_sequence(scene, path, request))
