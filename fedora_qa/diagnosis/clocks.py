@@ -154,23 +154,18 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     for feature in statistic.features:
         if not isinstance(feature, StreamEnds):
             continue
-        begins_later_ns, ends_earlier_ns = feature.begins_later_ns, feature.ends_earlier_ns
-        # A shift s begins the stream s later and ends it s later, that is -s earlier: half the difference is the shift,
-        # the sum is what is missing.
-        shift_ns, missing_ns = (begins_later_ns - ends_earlier_ns) / 2, begins_later_ns + ends_earlier_ns
-        # Both ends moved equally, up to a tenth that may be cut off: an offset.
-        if begins_later_ns * ends_earlier_ns < 0 and abs(missing_ns) < 0.1 * abs(shift_ns):
+        if feature.is_shift:
             shifted = support("clocks.shifted_span")
-            hypotheses.append(Hypothesis("time_offset", stream, shifted, shift_ns / NS_PER_MS, "ms"))
+            hypotheses.append(Hypothesis("time_offset", stream, shifted, feature.shift_ns / NS_PER_MS, "ms"))
             continue
         # Streams of one sample each have a median duration of 0 ns.
         duration_ns = max(feature.median_duration_ns, 1.0)
         # Ratio of the duration to the median duration of the streams: near the factor of a unit the cause is the unit,
         # not a cut.
-        factor = unit_factor(1 - missing_ns / duration_ns)
+        factor = unit_factor(1 - feature.missing_ns / duration_ns)
         if factor != 1.0:
             hypotheses.append(Hypothesis("time_unit", stream, support("clocks.span_in_other_unit"), factor, "1"))
-        cut_percent = 100 * missing_ns / duration_ns
+        cut_percent = 100 * feature.missing_ns / duration_ns
         hypotheses.append(Hypothesis("truncated", stream, support("clocks.cut_span"), cut_percent, "percent"))
     if any(isinstance(feature, CutOfSeveralRates) for feature in statistic.features):
         return tuple(replace(hypothesis, stream=stream_family(hypothesis.stream)) for hypothesis in hypotheses)

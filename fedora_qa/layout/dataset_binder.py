@@ -299,5 +299,8 @@ class DatasetBinder:
 
 def _columns(spec: DatasetSpec, place: DatasetPlace) -> tuple[int, ...] | None:
     """Return which stored entries are read, in canonical order; None: all as they are."""
-    is_reordered = spec.key == "path/pose/orientation" and place.quaternion != "xyzw" and not place.convert
-    return place.columns or (QUATERNION_COLUMNS[place.quaternion] if is_reordered else None)
+    if spec.key != "path/pose/orientation" or place.quaternion == "xyzw" or place.convert:
+        return place.columns or None
+    order = QUATERNION_COLUMNS[place.quaternion]
+    # The columns of a quaternion are in the stored order, of which the dialect says what it is.
+    return tuple(place.columns[entry] for entry in order) if len(place.columns) == len(order) else order

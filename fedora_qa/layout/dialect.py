@@ -142,7 +142,8 @@ class DatasetPlace:
         From the root of the file; empty: where the canonical layout puts it. In NPZ the name of the array; images,
         NPY and text have none.
     columns
-        Entries of the last axis that make the canonical columns, in canonical order; empty: all.
+        Entries of the last axis that make the canonical columns, in canonical order; those of a quaternion in the order
+        that ``quaternion`` states; empty: all.
     time_unit
         Unit of timestamps.
     offset_path

@@ -81,6 +81,26 @@ def test_every_format_is_a_source(folder: Path, dialect: Path) -> None:
         assert sequence.rows("path/events/t", 0, 2).tolist() == [10_000, 20_000]
 
 
+@pytest.mark.parametrize(
+    ("columns", "order"), [("[1, 2, 3, 4]", "xyzw"), ("[4, 1, 2, 3]", "wxyz"), ("[2, 3, 4, 1]", "xyzw")]
+)
+def test_columns_of_a_quaternion_are_in_its_order(columns: str, order: str, tmp_path: Path) -> None:
+    """Text with other columns beside the quaternion, whose order is stated (EuRoC stores w first)."""
+    root = tmp_path / "run"
+    root.mkdir()
+    text = "0,0.1,0.2,0.3,0.9" if columns != "[2, 3, 4, 1]" else "0,0.9,0.1,0.2,0.3"
+    (root / "poses.csv").write_text(f"#t,q\n{text}\n")
+    dialect = tmp_path / "mine.toml"
+    dialect.write_text(
+        f'name = "mine"\n[files]\nposes = "poses.csv"\n[datasets]\n'
+        f'"path/pose/orientation" = {{ file = "poses", columns = {columns}, quaternion = "{order}" }}\n'
+        '"path/pose/ts" = { file = "poses", columns = [0] }\n'
+        '"path/pose/position" = { file = "poses", columns = [1, 1, 1] }\n'
+    )
+    with open_sequence(root, load_dialect(dialect)) as sequence:
+        np.testing.assert_array_equal(sequence.rows("path/pose/orientation", 0, 1), [[0.1, 0.2, 0.3, 0.9]])
+
+
 def test_roles(folder: Path, dialect: Path) -> None:
     """A star stands for no slash; the first pattern that matches counts; what has no role is unused."""
     (folder / "data.h5").write_bytes(b"unused")

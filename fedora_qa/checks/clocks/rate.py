@@ -99,8 +99,9 @@ class ClocksRate(FactsCheck):
     clock are removed first (``fedora_qa/estimators/clocks/regular_clock.py``). Flow must have the rate in its name. Any
     other stream is compared with the nearest nominal rate (a whole number of Hz, a period of whole microseconds, or
     1000/1001 of a video rate), if another stream of the file has its nominal rate: all timestamps are of one clock.
-    Otherwise an uncommon rate is noted. The same fit is made to each quarter of the timestamps, and the fastest quarter
-    is compared with the slowest.
+    Otherwise an uncommon rate is noted. In a sequence that is declared as recorded, the rate of a stream is that of
+    its sensor, which is stated and not judged; flow, and changes within the file, are judged all the same. The same
+    fit is made to each quarter of the timestamps, and the fastest quarter is compared with the slowest.
 
     Noise model
     -----------
@@ -129,7 +130,13 @@ class ClocksRate(FactsCheck):
             return Observation(all_timestamps(facts), unobservable="no stream has three timestamps in order")
         errors: dict[str, Statistic] = {}
         sparse: list[Notice] = []
+        inferred: dict[str, str | float] = {}
+        is_recorded = facts.declared.kind == "recorded"
         for stream, fit in fits.items():
+            if is_recorded and stream not in facts.flow_streams:
+                # Of an oscillator of its own: that a whole number of Hz is near says nothing about its clock.
+                inferred[f"{stream}.rate_hz"] = NS_PER_S / fit.period_ns
+                continue
             nominal_ns = _nominal_period_ns(stream, fit.period_ns, facts.clocks[stream])
             intervals = round(nominal_ns / _interval_ns(stream)) if stream in facts.flow_streams else 1
             if intervals > 1:
@@ -178,9 +185,13 @@ class ClocksRate(FactsCheck):
         )
         # Flow is judged in any case: its nominal rate stands in its name.
         judged = {stream for stream in fits if exact or stream.startswith("flow/")}
+        measurements = (
+            *(change for change in changes if change is not None),
+            *(error for stream, error in errors.items() if stream in judged),
+        )
         return Observation(
             all_timestamps(facts),
-            tuple(m for m in changes if m is not None) + tuple(m for stream, m in errors.items() if stream in judged),
+            measurements,
             tuple(
                 Notice(
                     "clocks.rate.odd",
@@ -188,9 +199,11 @@ class ClocksRate(FactsCheck):
                     Where(stream=stream),
                 )
                 for stream, fit in fits.items()
-                if stream not in judged
+                if stream not in judged and f"{stream}.rate_hz" not in inferred
             )
             + tuple(sparse),
+            unobservable="" if measurements or not inferred else "rates of recorded streams are those of their sensors",
+            inferred=inferred,
         )
 
 

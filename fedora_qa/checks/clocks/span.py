@@ -27,6 +27,9 @@ _LONGEST_PERIOD_NS: Final = NS_PER_S // 10
 """Period that a stream of two samples or fewer may have, ns. No sampled stream of the known datasets is slower than
 10 Hz."""
 
+_CUT_RATIO: Final = 0.1
+"""Largest share of a shift by which a shifted stream may be shorter as well."""
+
 
 @dataclass(frozen=True, slots=True)
 class StreamEnds(Feature):
@@ -45,6 +48,22 @@ class StreamEnds(Feature):
     begins_later_ns: float
     ends_earlier_ns: float
     median_duration_ns: float
+
+    @property
+    def shift_ns(self) -> float:
+        """By how much later the stream lies, ns: a shift s begins it s later and ends it -s earlier."""
+        return (self.begins_later_ns - self.ends_earlier_ns) / 2
+
+    @property
+    def missing_ns(self) -> float:
+        """By how much shorter than the others the stream is, ns."""
+        return self.begins_later_ns + self.ends_earlier_ns
+
+    @property
+    def is_shift(self) -> bool:
+        """Whether both ends are moved equally, up to a tenth that may be cut off."""
+        moved_alike = self.begins_later_ns * self.ends_earlier_ns < 0
+        return moved_alike and abs(self.missing_ns) < _CUT_RATIO * abs(self.shift_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +150,16 @@ class ClocksSpan(FactsCheck):
         begin, finish = (float(np.median(instants)) for instants in zip(*_others_ns(facts), strict=True))
         usual_ns = float(np.median([fit.period_ns for fit in fits.values()])) if fits else 0.0
         statistics = list(_of_few_samples(facts, begin, finish))
-        for stream in ends:
+        is_recorded = facts.declared.kind == "recorded"
+        inferred: dict[str, str | float] = {}
+        for stream, (start, stop) in ends.items():
+            # Recorders begin and end one after another.
+            if is_recorded and not StreamEnds(start - begin, finish - stop, finish - begin).is_shift:
+                later_ns, earlier_ns = start - min(ends.values())[0], max(last for _, last in ends.values()) - stop
+                if max(later_ns, earlier_ns) > fits[stream].period_ns + usual_ns:
+                    inferred[f"{stream}.begins_later_ms"] = later_ns / NS_PER_MS
+                    inferred[f"{stream}.ends_earlier_ms"] = earlier_ns / NS_PER_MS
+                continue
             # A stream ends less than one of its own periods before the recording does, the median stream likewise by
             # its period.
             statistics += _of_ends(facts, stream, begin, finish, fits[stream].period_ns + usual_ns)
@@ -144,7 +172,7 @@ class ClocksSpan(FactsCheck):
             notices.append(Notice("clocks.span.no_events", message, Where(stream="events")))
         # Streams whose next sample would have been due before, or at, the instant where half of the streams end.
         for stream, (start, stop) in ends.items():
-            if stream in failed:
+            if stream in failed or is_recorded:
                 continue
             period_ns = fits[stream].period_ns
             counts = ((start - begin) / period_ns, (finish - stop) / period_ns)
@@ -154,7 +182,10 @@ class ClocksSpan(FactsCheck):
                     missing = f"{stream} lacks {int(count + 0.5)} of its samples at its {end}"
                     message = f"{missing}: most other streams cover the time at which the {rule} one is due"
                     notices.append(Notice(f"clocks.span.{rule}_missing", message, Where(stream=stream)))
-        return Observation(all_timestamps(facts), tuple(statistics), tuple(notices))
+        why = "" if statistics or notices or not is_recorded else "recorders need not begin and end together"
+        return Observation(
+            all_timestamps(facts), tuple(statistics), tuple(notices), unobservable=why, inferred=inferred
+        )
 
 
 def streams_of_few_samples(facts: Facts) -> list[str]:

@@ -19,6 +19,9 @@ _STREAMS_OF_OWNER: Final[dict[str, tuple[str, ...]]] = {
 }
 """The streams that an object of the metadata describes. ``metadata/flow`` describes every rate of the file."""
 
+_MOTION: Final = frozenset({"imu", "pose"})
+"""Streams that can be read without any declaration: an imported file that holds these alone declares nothing."""
+
 _SPELLINGS: Final = {"day": {"day", "daylight"}, "night": {"night", "ngt"}}
 """Words of names by the light that they state; ``ngt`` is that of the paper."""
 
@@ -78,7 +81,7 @@ class MetadataComplete(FactsCheck):
         # A file of the canonical layout that holds none of the objects that carry metadata.
         absent = {problem.owner for problem in facts.declared.problems if not problem.name}
         owners = {owner for owner, _ in ATTRIBUTES if owner.startswith("metadata/")}
-        if facts.layout.dialect_name == FORMAT_NAME and owners <= absent:
+        if facts.layout.dialect_name == FORMAT_NAME and owners <= absent and not facts.streams <= _MOTION:
             missing = count_of_faults(
                 name="metadata.missing",
                 value=1,

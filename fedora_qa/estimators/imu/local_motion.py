@@ -476,14 +476,15 @@ def _difference_weights(offsets_us: Int64) -> Float64:
 
 
 def _stencils(times_ns: Int64, size: int) -> Indices:
-    """Return indices (n, size) of runs of neighbours without a gap among them."""
+    """Return indices (n, size) of runs of neighbours that have no gap among them and differ by microseconds."""
     count = len(times_ns) - size + 1
     if count < 1:
         return np.empty((0, size), dtype=np.intp)
     stencils: Indices = np.arange(count)[:, None] + np.arange(size)
     steps_ns = np.diff(times_ns)
-    without_gap = (steps_ns[stencils[:, :-1]] <= _WIDEST_STEP * float(np.median(steps_ns))).all(axis=1)
-    continuous: Indices = stencils[without_gap]
+    # Offsets count in whole microseconds: two times within one would be the same.
+    usable = (steps_ns >= _NS_PER_US) & (steps_ns <= _WIDEST_STEP * float(np.median(steps_ns)))
+    continuous: Indices = stencils[usable[stencils[:, :-1]].all(axis=1)]
     return continuous
 
 

@@ -472,3 +472,35 @@ def test_no_event_at_all_is_noted() -> None:
     assert facts.events is not None
     result = judged("clocks.span", replace(facts, events=replace(facts.events, count=0))).result
     assert (result.outcome, [finding.code for finding in result.findings]) == ("warned", ["clocks.span.no_events"])
+
+
+def recorded(facts: Facts) -> Facts:
+    """The same facts of a sequence that is declared as recorded."""
+    return replace(facts, declared=replace(facts.declared, kind="recorded"))
+
+
+def test_the_rate_of_a_recorded_stream_is_stated() -> None:
+    """25.8 Hz is that of its sensor, though 26 Hz are nearer than 1 percent."""
+    free = with_clock(exact_facts(), "rgb", clock(np.arange(0, 2000 * MS, 38_765_000)))
+    assert judged("clocks.rate", free).result.outcome == "failed"
+    result = judged("clocks.rate", recorded(free)).result
+    assert result.outcome == "passed"
+    assert CLOCKS["clocks.rate"].examine(recorded(free)).inferred["rgb.rate_hz"] == pytest.approx(25.797, abs=1e-3)
+
+
+def test_a_recorded_clock_that_changes_its_rate_is_judged() -> None:
+    ns = np.arange(0, 2000 * MS, 5 * MS)
+    altered = with_clock(exact_facts(), "pose", clock(np.where(ns > 1000 * MS, ns + (ns - 1000 * MS) // 1000, ns)))
+    assert judged("clocks.rate", recorded(altered)).result.outcome == "failed"
+
+
+def test_a_recorded_stream_that_ends_early_is_stated() -> None:
+    cut = recorded(without("pose", np.s_[:100]))
+    result = judged("clocks.span", cut).result
+    assert result.outcome != "failed"
+    inferred = CLOCKS["clocks.span"].examine(cut).inferred
+    assert inferred == {"pose.begins_later_ms": 500.0, "pose.ends_earlier_ms": 0.0}
+
+
+def test_a_recorded_stream_that_is_shifted_is_judged() -> None:
+    assert judged("clocks.span", recorded(shifted("pose", 500 * MS))).result.outcome == "failed"

@@ -94,6 +94,15 @@ def test_no_metadata_at_all(path: Path) -> None:
     assert (diagnosis.cause, diagnosis.stream) == ("missing_stream", "metadata")
 
 
+def test_motion_alone_needs_no_metadata(path: Path) -> None:
+    """An imported trajectory declares nothing; its noise is measured."""
+    with h5py.File(path, "r+") as file:
+        del file["metadata"]
+        for name in set(file["path"]) - {"pose"}:
+            del file["path"][name]
+    assert run_check(path, "metadata.complete").outcome == "warned"
+
+
 def test_foreign_file_is_warned_not_failed(tmp_path: Path) -> None:
     """Files of other makers declare nothing in our words: weak tests, not failures."""
     path = write_purdue_lab(tmp_path / "lab.h5")

@@ -86,6 +86,14 @@ def test_a_gap_is_not_bridged_by_differences() -> None:
     assert level.count == 292 + 283
 
 
+def test_times_within_a_microsecond_are_not_compared() -> None:
+    """A recorder may store one sample twice, with times that differ by less than the unit of the offsets."""
+    times_ns = np.insert(TIMES_NS, 300, TIMES_NS[300] - 400)
+    level = noise_level(times_ns, VectorSamples(RESTLESS.positions_m(times_ns * 1e-9)), order=8)
+    assert level is not None
+    assert level.sigma < 1e-9
+
+
 @pytest.mark.parametrize("times_ns", [TIMES_NS, uneven_ns(601)], ids=["even", "uneven"])
 @pytest.mark.parametrize(("half_width", "degree"), [(4, 5), (6, 7), (12, 3)])
 def test_a_jump_is_found_to_size_and_place(times_ns: NDArray[np.int64], half_width: int, degree: int) -> None:
