@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from fedora_qa.errors import MisuseError
+from fedora_qa.importing.event_packets import EVENT_PACKETS, EventPackets
 from fedora_qa.importing.recording import Block, Recording, Resolution
 from fedora_qa.importing.ros1_bag import Ros1Bag
 from fedora_qa.importing.ros_messages import EVENT_ARRAYS, READERS, UnreadableMessageError, event_array
@@ -68,7 +69,7 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
             )
         streams = {name: stream for stream, name in chosen.items()}
         for topic, stream in streams.items():
-            types = EVENT_ARRAYS if stream == "events" else READERS[stream][0]
+            types = EVENT_ARRAYS | EVENT_PACKETS if stream == "events" else READERS[stream][0]
             for other in sorted(bag.types[topic] - types):
                 raise MisuseError(
                     f"Expected {stream} of the type {' or '.join(sorted(types))} in {topic}, got {other}; map another "
@@ -173,13 +174,15 @@ def _types(topics: Iterable[tuple[str, str]]) -> dict[str, set[str]]:
 def _blocks(path: Path, bag: _Bag, streams: Mapping[str, str], recording: Recording) -> Iterator[Block]:
     """Yield the rows of each message."""
     unstamped: set[str] = set()
+    packets = EventPackets(recording, is_cdr=bag.is_cdr)
     with _reading(path):
         for topic, type_name, raw in bag.messages(streams):
             recording.done += 1
             stream = streams[topic]
             try:
                 if stream == "events":
-                    block, size = event_array(raw, is_cdr=bag.is_cdr)
+                    is_packet = type_name in EVENT_PACKETS
+                    block, size = packets.block(raw) if is_packet else event_array(raw, is_cdr=bag.is_cdr)
                     recording.cameras.setdefault("events", size)
                 else:
                     message = bag.deserialised(bytes(raw), type_name)

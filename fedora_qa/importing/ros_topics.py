@@ -14,7 +14,8 @@ TopicMap = Mapping[str, tuple[str, ...]]
 DEFAULT_TOPICS: Final[TopicMap] = MappingProxyType(
     {
         # The route of the paper: the DVS plugin, the OpenNI Kinect plugin of Gazebo, and PX4 by MAVROS.
-        "events": ("/dvs/events", "/cam0/events", "/davis/left/events", "/prophesee/camera/cd_events_buffer"),
+        "events": ("/dvs/events", "/cam0/events", "/davis/left/events", "/prophesee/camera/cd_events_buffer",
+                   "/event_camera/events"),
         "rgb": ("/camera/rgb/image_raw", "/camera/color/image_raw", "/camera/image_raw", "/dvs/image_raw"),
         "depth": ("/camera/depth/image_raw", "/camera/depth/image_rect_raw"),
         "imu": ("/mavros/imu/data_raw", "/mavros/imu/data", "/imu/data", "/imu", "/dvs/imu"),

@@ -15,6 +15,10 @@ from tests.support.prophesee import Event
 
 EVENT = "uint16 x\nuint16 y\ntime ts\nbool polarity\n"
 EVENT_ARRAY = "std_msgs/Header header\nuint32 height\nuint32 width\ndvs_msgs/Event[] events\n"
+EVENT_PACKET = (
+    "std_msgs/Header header\nuint32 height\nuint32 width\nuint64 seq\nuint64 time_base\nstring encoding\n"
+    "bool is_bigendian\nuint8[] events\n"
+)
 FORMS = ("ros1", "sqlite", "mcap")
 
 
@@ -30,6 +34,7 @@ class Bag:
             {
                 **get_types_from_msg(event, "dvs_msgs/msg/Event"),
                 **get_types_from_msg(EVENT_ARRAY, "dvs_msgs/msg/EventArray"),
+                **get_types_from_msg(EVENT_PACKET, "event_camera_msgs/msg/EventPacket"),
             }
         )
 
@@ -50,6 +55,11 @@ class Bag:
         us = events[-1][2] if events else 0
         array = self.make("dvs_msgs/msg/EventArray", self.header(us, frame), 480, 640, made)
         self.add(topic, "dvs_msgs/msg/EventArray", us, array)
+
+    def add_packet(self, us: int, number: int, words: bytes, encoding: str = "evt3", frame: str = "cam") -> None:
+        data, kind = np.frombuffer(words, np.uint8), "event_camera_msgs/msg/EventPacket"
+        packet = self.make(kind, self.header(us, frame), 480, 640, number, 0, encoding, False, data)
+        self.add("/event_camera/events", kind, us, packet)
 
     def add_image(self, topic: str, us: int, encoding: str, pixels: np.ndarray[Any, Any], padding: int = 0) -> None:
         lines = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
