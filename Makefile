@@ -18,6 +18,7 @@
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-foreign  correct files as others make them, 70 kinds: docs/foreign.md; hours
 #   make study-named-foreign  faults of real pipelines, 169 kinds by code of their own: found, and named? docs/named-foreign.md; hours
+#   make study-real-data PATHS='...'  samples of real data that are on this machine: printed, for docs/real-data.md; some minutes
 #   make study-blind-spots  real faults of three scenes, from which size they are found: printed, for docs/blind-spots.md; some minutes
 #   make study-trade  what each effort costs, and what it finds: docs/trade.md; an hour
 #   make study-learning  what a dataset teaches, and what a fault costs a learner: docs/learning.md; hours; BUDGET=small: an hour
@@ -50,7 +51,7 @@ kernels: $(READY)
 	$(BIN)/fedora-generate sequence park-noisy -o $(OUT)/kernels-noisy.h5 --duration 0.6 --size 180x136 --force
 	$(BIN)/python -m fedora_qa.cli.kernel_list $(OUT)/kernels.h5 $(OUT)/kernels-noisy.h5
 
-.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-learning study-learning-smoke study-named-foreign study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings bench-releases site clean
+.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-learning study-learning-smoke study-named-foreign study-real-data study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings bench-releases site clean
 
 demo: $(READY_TO_USE)
 	@mkdir -p $(OUT)
@@ -154,6 +155,11 @@ study-foreign: $(READY)
 study-named-foreign: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.foreign_faults.study --fresh --held-out \
 	  --processes $(JOBS) --page docs/named-foreign.md
+
+# PATHS are samples of real data; docs/real-data.md states which were used. A path may end in @640x480, or in @pose=/topic.
+study-real-data: $(READY)
+	@test -n "$(PATHS)" || { echo 'Expected paths of samples: make study-real-data PATHS="a.raw@640x480 b.aedat4"' >&2; exit 2; }
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.real_data.study $(PATHS)
 
 mutation: $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,mutation]'
