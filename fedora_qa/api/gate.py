@@ -1,13 +1,15 @@
 """Hold a release to its policy from Python."""
 
 from collections.abc import Sequence
+from os import fspath
 from pathlib import Path
 
 from fedora_qa.api.checked import CheckedRecord, with_arrays
 from fedora_qa.api.options import AnyPath, folder_texts
-from fedora_qa.cli.gate import gate_release, plan_gate
+from fedora_qa.cli.gate import gate_release, plan_gate, require_disk
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.errors import MisuseError
+from fedora_qa.storage.place import place_of
 
 
 def gate(
@@ -26,7 +28,7 @@ def gate(
     Parameters
     ----------
     folder
-        The release: sequences and documents.
+        The release: sequences and documents, in a folder or below a prefix (``s3://bucket/prefix/``).
     policy
         A TOML file with what must hold.
     baseline
@@ -55,7 +57,9 @@ def gate(
     if jobs is not None and jobs < 1:
         raise MisuseError(f"Expected one job or more, got {jobs}; pass jobs=1 to check one file at a time")
     external = folder_texts(allow_external) or ()
-    plan = plan_gate(Path(folder), Path(policy), None if baseline is None else Path(baseline), jobs, external)
+    known = None if baseline is None else Path(baseline)
+    plan = plan_gate(place_of(fspath(folder)), Path(policy), known, jobs, external)
+    require_disk(plan.release.folder, "a certificate", certificate)
     output = None if certificate is None else Path(certificate)
     Outputs(own=(output,)).require_writable(plan.inputs)
     gated = gate_release(plan, evidence=evidence, with_digests=output is not None, in_process=not apart)

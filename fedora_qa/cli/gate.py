@@ -17,6 +17,7 @@ from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.cli.settings import check_options, with_jobs
 from fedora_qa.cli.summary import Detail, print_record
 from fedora_qa.engine.options import FileRun
+from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.gating.baseline import Baseline, baseline_of
 from fedora_qa.gating.certificate import certificate_of, write_certificate
@@ -29,24 +30,29 @@ from fedora_qa.layout.dialect import load_choice, split_choice
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import Record
 from fedora_qa.storage.digest import whole_digest
+from fedora_qa.storage.place import Place, RemoteFile
 
 
 def run_gate(
-    folder: Path,
+    folder: Place,
     policy_path: Path,
     baseline_path: Path | None,
     jobs: int | None,
+    dask: str | None,
     certificate: Path | None,
     allow_external: tuple[str, ...],
     outputs: Outputs,
     detail: Detail,
 ) -> int:
     """Run the command and return its exit code."""
+    if dask and jobs:
+        raise MisuseError("Expected either --jobs or --dask, got both")
     plan = plan_gate(folder, policy_path, baseline_path, jobs, allow_external)
+    require_disk(plan.release.folder, "a certificate", certificate)
     outputs = replace(outputs, own=(certificate,))
     outputs.require_writable(plan.inputs)
     # Evidence needs a follow-up of the worst places; it is gathered only where an output shows it.
-    gated = gate_release(plan, evidence=outputs.show_evidence, with_digests=certificate is not None)
+    gated = gate_release(plan, evidence=outputs.show_evidence, with_digests=certificate is not None, dask=dask)
     outputs.write(gated.record, gated.arrays)
     print_record(gated.record, outputs, detail)
     if certificate and gated.is_clean:
@@ -107,8 +113,14 @@ class GatedRelease:
         write_certificate(certificate_of(self.record, self.plan.policy, digest, dict(self.digests)), path)
 
 
+def require_disk(folder: Place, what: str, asked: object) -> None:
+    """Raise ``MisuseError`` where the digest of every byte is asked for of a release behind a URL."""
+    if asked and isinstance(folder, RemoteFile):
+        raise MisuseError(f"Expected a release on a disk for {what}, got {folder}; copy it, because every byte is read")
+
+
 def plan_gate(
-    folder: Path, policy_path: Path, baseline_path: Path | None, jobs: int | None, allow_external: Sequence[str]
+    folder: Place, policy_path: Path, baseline_path: Path | None, jobs: int | None, allow_external: Sequence[str]
 ) -> GatePlan:
     """Read the policy and the baseline, and find the sequences.
 
@@ -119,17 +131,20 @@ def plan_gate(
     """
     policy = read_policy(policy_path)
     choice = load_choice(policy.check.dialect, policy.check.metadata)
+    require_disk(folder, "checksums", policy.documents.checksums)
     release = find_release(folder, policy.files, split_choice(choice)[0])
     baseline = baseline_of(read_record(baseline_path)) if baseline_path else None
     # Only what depends on the machine (cores, folders) may override the policy; what is checked may not.
     settings = replace(policy.check, jobs=jobs) if jobs else policy.check
     settings = replace(settings, allow_external=tuple(allow_external)) if allow_external else settings
     others = [policy_path, *([baseline_path] if baseline_path else [])]
-    inputs = (*(sequence.path for sequence in release.sequences), *others)
+    inputs = (*(each.path for each in release.sequences if isinstance(each.path, Path)), *others)
     return GatePlan(release, replace(policy, check=settings), baseline, inputs, policy_path)
 
 
-def gate_release(plan: GatePlan, *, evidence: bool, with_digests: bool, in_process: bool = False) -> GatedRelease:
+def gate_release(
+    plan: GatePlan, *, evidence: bool, with_digests: bool, in_process: bool = False, dask: str | None = None
+) -> GatedRelease:
     """Check every sequence of a release, and judge them and the release.
 
     Parameters
@@ -140,6 +155,8 @@ def gate_release(plan: GatePlan, *, evidence: bool, with_digests: bool, in_proce
         Whether to read every byte for the digests of a certificate.
     in_process
         Whether a single job opens files in this process.
+    dask
+        Address of the cluster that does the work; None: processes of this machine.
 
     Raises
     ------
@@ -148,18 +165,21 @@ def gate_release(plan: GatePlan, *, evidence: bool, with_digests: bool, in_proce
     """
     policy, release = plan.policy, plan.release
     paths = [sequence.path for sequence in release.sequences]
-    settings = policy.check if in_process else with_jobs(policy.check, paths)
+    # A cluster has workers of its own.
+    settings = replace(policy.check, jobs=None) if dask else policy.check
+    settings = settings if in_process or dask else with_jobs(settings, paths)
     options = replace(check_options(settings), evidence=EvidenceOptions() if evidence else None)
     sequences_of(paths, options.dialect)
     now = datetime.now(UTC)
     started = now.isoformat(timespec="seconds")
-    executor = executor_for(settings, in_process=in_process)
+    executor = executor_for(settings, dask, in_process=in_process)
     # Read before the executor is closed: afterwards it has no workers to count.
     jobs = executor.capacity
     runs = check_all(paths, Request(settings, options, started), executor)
-    facts = {"jobs": jobs, "peak_worker_memory_mib": executor.peak_memory_mib}
+    workers = {"peak_worker_memory_mib": executor.peak_memory_mib} if executor.peak_memory_mib else {}
+    facts = {"jobs": jobs, **workers}
     # A second executor: `check_all` has closed the first one.
-    with executor_for(settings, in_process=in_process) as readers:
+    with executor_for(settings, dask, in_process=in_process) as readers:
         contents, files = contents_of(policy, release, [run.record for run in runs], readers)
     runs = [replace(run, record=file) for run, file in zip(runs, files, strict=True)]
     # Last, as `judge_release` requires.
@@ -170,8 +190,9 @@ def gate_release(plan: GatePlan, *, evidence: bool, with_digests: bool, in_proce
         # Records hold only partial digests of files over 1 GiB. Certificates and lists of checksums need whole ones,
         # for which every byte is read.
         for sequence, file in zip(release.sequences, files, strict=True):
-            is_full = file.digest_kind == "full"
-            digests[sequence.name] = file.sha256 if is_full else whole_digest(sequence.path)
+            if isinstance(sequence.path, Path):
+                is_full = file.digest_kind == "full"
+                digests[sequence.name] = file.sha256 if is_full else whole_digest(sequence.path)
     release_results = release_results_of(policy, release, files, contents, digests)
     record = judge_release(record, release, release_results, Judgement(policy, plan.baseline, now.date()))
     return GatedRelease(plan, record, evidence_arrays(runs), digests)

@@ -1,13 +1,15 @@
 """Find the sequences that arguments name: files, folders that are one sequence, and sequences in folders."""
 
 import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Final
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.folder import list_files
-from fedora_qa.storage.place import Place
+from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.prefix import list_objects
 from fedora_qa.storage.signature import require_signature
 
 if TYPE_CHECKING:  # commands that are given no folder load no HDF5 here
@@ -22,9 +24,9 @@ _DEEPEST: Final = 8
 def sequences_of(places: Sequence[Place], choice: "DialectChoice", *, needs_rows: bool = False) -> tuple[Place, ...]:
     """Return the sequences that arguments name.
 
-    A folder that fits a dialect with files is one sequence. Of another folder, every sequence below it is meant: files
-    of HDF5, and folders that fit. A folder without any is returned as it is, so that its record states that no dialect
-    fits.
+    A folder that fits a dialect with files is one sequence. Of another folder, every sequence below it is meant:
+    files of HDF5, and folders that fit; of a prefix of an object store, every HDF5 file. A folder without any is
+    returned as it is, so that its record states that no dialect fits.
 
     Parameters
     ----------
@@ -42,12 +44,12 @@ def sequences_of(places: Sequence[Place], choice: "DialectChoice", *, needs_rows
     for place in places:
         if isinstance(place, Path) and place.is_dir():
             sequences += _in_folder(place, choice, needs_rows=needs_rows)
+        elif isinstance(place, RemoteFile) and place.is_prefix:
+            sequences += _below_prefix(place)
         else:
             sequences.append(place)
     require_hdf5([place for place in sequences if not (isinstance(place, Path) and place.is_dir())])
-    for place in sequences:
-        if sequences.count(place) > 1:
-            raise MisuseError(f"Expected each sequence once, got {place} {sequences.count(place)} times")
+    _require_each_once(sequences, "sequence")
     return tuple(sequences)
 
 
@@ -56,10 +58,26 @@ def require_hdf5(files: Sequence[Place]) -> None:
 
     Only the first bytes of a file are read here: HDF5 may crash on the rest, so that other processes read it.
     """
+    _require_each_once(files, "file")
     for path in files:
-        if list(files).count(path) > 1:
-            raise MisuseError(f"Expected each file once, got {path} {files.count(path)} times")
         require_signature(path)
+
+
+def _require_each_once(places: Sequence[Place], kind: str) -> None:
+    for place, count in Counter(places).items():
+        if count > 1:
+            raise MisuseError(f"Expected each {kind} once, got {place} {count} times")
+
+
+def _below_prefix(prefix: RemoteFile) -> list[RemoteFile]:
+    """Return the objects below a prefix that are named like HDF5; of a store, folders of other files are not read."""
+    objects = list_objects(prefix)
+    sequences = [each.place for each in objects if PurePosixPath(each.name).suffix.lower() in HDF5_SUFFIXES]
+    if not sequences:
+        raise MisuseError(
+            f"Expected HDF5 files ({', '.join(sorted(HDF5_SUFFIXES))}) below {prefix}, got {len(objects)} other objects"
+        )
+    return sequences
 
 
 def _in_folder(folder: Path, choice: "DialectChoice", *, needs_rows: bool) -> list[Path]:

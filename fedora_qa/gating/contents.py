@@ -23,6 +23,7 @@ from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.record.types import FileRecord, Result
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.sequence import Sequence, open_sequence
+from fedora_qa.storage.place import Place
 
 _SAME_SEQUENCE_STREAMS: Final = ("rgb", "depth", "events", "imu", "pose")
 """Streams by which files of one declared sequence are compared; flow follows from depth and pose."""
@@ -62,7 +63,7 @@ class Contents:
 
 
 def read_contents(
-    path: Path,
+    path: Place,
     dialect: DialectChoice,
     streams: Iterable[str],
     poses: bool,

@@ -1,12 +1,18 @@
-"""A release: a folder of sequences and documents. Names and links that lead out of it are refused."""
+"""A release: a folder of sequences and documents, or a prefix of an object store.
+
+Names and links that lead out of it are refused.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.folder import is_sequence
+from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.prefix import list_objects
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,18 +20,18 @@ class SequenceFile:
     """A sequence of the release, a file or a folder; ``name`` is relative to the folder, with slashes."""
 
     name: str
-    path: Path
+    path: Place
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
     """A folder and its sequences, in the order of their names."""
 
-    folder: Path
+    folder: Place
     sequences: tuple[SequenceFile, ...]
 
 
-def find_release(folder: Path, patterns: Iterable[str], dialect: Dialect | None = None) -> Release:
+def find_release(folder: Place, patterns: Iterable[str], dialect: Dialect | None = None) -> Release:
     """Find the sequences of a folder.
 
     Parameters
@@ -46,17 +52,25 @@ def find_release(folder: Path, patterns: Iterable[str], dialect: Dialect | None 
     return Release(folder, sequences)
 
 
-def find_sequences(folder: Path, patterns: Iterable[str], dialect: Dialect | None = None) -> tuple[SequenceFile, ...]:
+def find_sequences(folder: Place, patterns: Iterable[str], dialect: Dialect | None = None) -> tuple[SequenceFile, ...]:
     """Return what matches any pattern and is a sequence, none hidden; raises ``MisuseError`` as ``find_release`` does.
 
-    Files in a folder that is a sequence are parts of it.
+    Files in a folder that is a sequence are parts of it. Of a prefix, each object that matches is a sequence.
     """
-    if not folder.is_dir():
-        raise MisuseError(f"Expected a folder with a release, got: {folder}")
     patterns = tuple(patterns)
+    if isinstance(folder, Path) and not folder.is_dir():
+        raise MisuseError(f"Expected a folder with a release, got: {folder}")
+    if isinstance(folder, RemoteFile) and not folder.is_prefix:
+        raise MisuseError(f"Expected a folder with a release, or a prefix (s3://bucket/prefix/), got: {folder}")
     for pattern in patterns:
         if not is_plain(pattern):
             raise MisuseError(f"Expected patterns beneath the folder with a release, got {pattern!r}")
+    if isinstance(folder, RemoteFile):
+        return tuple(
+            SequenceFile(each.name, each.place)
+            for each in list_objects(folder)
+            if any(_matches(PurePosixPath(each.name).parts, PurePosixPath(pattern).parts) for pattern in patterns)
+        )
     matching = {path for pattern in patterns for path in folder.glob(pattern)}
     folders = {path for path in matching if path.is_dir() and path != folder and is_sequence(path, dialect)}
     paths = folders | {path for path in matching if path.is_file() and folders.isdisjoint(path.parents)}
@@ -66,6 +80,23 @@ def find_sequences(folder: Path, patterns: Iterable[str], dialect: Dialect | Non
         for name in names
         if not any(part.startswith(".") for part in PurePosixPath(name).parts)
     )
+
+
+def _matches(parts: tuple[str, ...], pattern: tuple[str, ...]) -> bool:
+    """Whether a name matches a pattern part by part; ``**`` stands for any number of folders, as in ``Path.glob``."""
+    if not pattern or (not parts and pattern != ("**",)):
+        return parts == pattern
+    if pattern[0] == "**":
+        return _matches(parts, pattern[1:]) or (bool(parts) and _matches(parts[1:], pattern))
+    return fnmatchcase(parts[0], pattern[0]) and _matches(parts[1:], pattern[1:])
+
+
+def has_document(folder: Place, name: str) -> bool:
+    """Whether a release has a document that is not blank; of an object only the size is looked at."""
+    if isinstance(folder, RemoteFile):
+        return any(each.name == name and each.size for each in list_objects(folder))
+    path = inside(folder, name)
+    return path.is_file() and bool(path.read_bytes().strip())
 
 
 def is_plain(name: str) -> bool:

@@ -12,7 +12,7 @@ SCHEMES: Final = ("s3", "https", "http")
 
 @dataclass(frozen=True, slots=True, repr=False)
 class RemoteFile:
-    """A file behind a URL.
+    """A file behind a URL, or all files below a prefix of an object store: a URL that ends with a slash.
 
     A URL may hold a password or a signature, which must not get into a record, a log or a traceback. Only ``url`` holds
     them, and it is never printed. What is printed has neither user nor query.
@@ -32,6 +32,11 @@ class RemoteFile:
     def scheme(self) -> str:
         """``s3``, ``https`` or ``http``."""
         return urlsplit(self.url).scheme
+
+    @property
+    def is_prefix(self) -> bool:
+        """Whether it stands for all objects whose names begin so."""
+        return self.scheme == "s3" and self.url.endswith("/")
 
     @property
     def name(self) -> str:
@@ -66,8 +71,8 @@ def place_of(text: str) -> Place:
         raise MisuseError(f"Expected a path, or a URL of {', '.join(SCHEMES)}, got one of {scheme}")
     place = RemoteFile(scheme.lower() + separator + text[len(scheme) + len(separator) :])
     parts = urlsplit(place.url)
-    if not parts.netloc or not place.name:
-        raise MisuseError(f"Expected a URL of a file, got {place}")
+    if not parts.netloc or not (place.name or place.is_prefix):
+        raise MisuseError(f"Expected a URL of a file, or of a prefix (s3://bucket/prefix/), got {place}")
     if place.scheme == "s3" and "@" in parts.netloc:
         raise MisuseError(f"Expected the credentials of {place} in the environment, got some in the URL")
     return place

@@ -39,21 +39,7 @@ class Server:
 
     def __init__(self, place: RemoteFile) -> None:
         self._place = place
-        try:
-            import aiohttp  # noqa: PLC0415 - an extra
-            import fsspec  # noqa: PLC0415 - an extra
-
-            if place.scheme == "s3":
-                config = {"connect_timeout": _CONNECT_S, "read_timeout": _SILENCE_S}
-                self._files: Any = fsspec.filesystem("s3", use_listings_cache=False, config_kwargs=config)
-            else:
-                # Only silence is limited: a large chunk over a slow line takes as long as it takes.
-                timeout = aiohttp.ClientTimeout(total=None, sock_connect=_CONNECT_S, sock_read=_SILENCE_S)
-                self._files = fsspec.filesystem(place.scheme, client_kwargs={"timeout": timeout})
-        except ImportError:
-            raise MisuseError(
-                f"Expected what reads {place.scheme}:// files; install it: pip install 'fedora-qa[remote]'"
-            ) from None
+        self._files = file_system(place)
         self._open: Any = None
         self.traffic = NO_TRAFFIC
         self.version = self.ask_version()
@@ -104,24 +90,63 @@ class Server:
         return bytes(self._open.read(stop - start))
 
     def _request(self, request: Callable[[], T]) -> T:
-        for wait_s in (*_WAITS_S, None):
-            self.traffic += Traffic(requests=1)
-            # No garbage collection until the request is done. h5py holds its lock while it reads, and needs it to free
-            # its objects. If the thread that does the requests collected them meanwhile, both threads would wait for
-            # each other forever (h5py issue 2019).
-            collects = gc.isenabled()
-            gc.disable()
-            try:
-                return request()
-            except Exception as error:  # noqa: BLE001 - the libraries raise errors of many types; the user gets one sentence
-                if wait_s is None or not is_transient(error):
-                    # Without its cause, whose text may hold the URL with its signature.
-                    raise failure_of(error, self._place) from None
-            finally:
-                if collects:
-                    gc.enable()
-            time.sleep(wait_s)
-        raise AssertionError("Expected the last try to return or raise, got neither")
+        return repeated(request, self._place, self._count)
+
+    def _count(self) -> None:
+        self.traffic += Traffic(requests=1)
+
+
+def file_system(place: RemoteFile) -> Any:
+    """Return what reads files of the scheme of a place; raises ``MisuseError`` where its extra is not installed."""
+    try:
+        import aiohttp  # noqa: PLC0415 - an extra
+        import fsspec  # noqa: PLC0415 - an extra
+
+        if place.scheme == "s3":
+            config = {"connect_timeout": _CONNECT_S, "read_timeout": _SILENCE_S}
+            return fsspec.filesystem("s3", use_listings_cache=False, config_kwargs=config)
+        # Only silence is limited: a large chunk over a slow line takes as long as it takes.
+        timeout = aiohttp.ClientTimeout(total=None, sock_connect=_CONNECT_S, sock_read=_SILENCE_S)
+        return fsspec.filesystem(place.scheme, client_kwargs={"timeout": timeout})
+    except ImportError:
+        raise MisuseError(
+            f"Expected what reads {place.scheme}:// files; install it: pip install 'fedora-qa[remote]'"
+        ) from None
+
+
+def repeated(request: Callable[[], T], place: RemoteFile, count: Callable[[], None] = lambda: None) -> T:
+    """Return what a request returns, and repeat it where it may succeed a moment later.
+
+    Parameters
+    ----------
+    place
+        For the message.
+    count
+        Called at each try.
+
+    Raises
+    ------
+    StorageError
+        The request failed; the message states why.
+    """
+    for wait_s in (*_WAITS_S, None):
+        count()
+        # No garbage collection until the request is done. h5py holds its lock while it reads, and needs it to free
+        # its objects. If the thread that does the requests collected them meanwhile, both threads would wait for
+        # each other forever (h5py issue 2019).
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            return request()
+        except Exception as error:  # noqa: BLE001 - the libraries raise errors of many types; the user gets one sentence
+            if wait_s is None or not is_transient(error):
+                # Without its cause, whose text may hold the URL with its signature.
+                raise failure_of(error, place) from None
+        finally:
+            if collects:
+                gc.enable()
+        time.sleep(wait_s)
+    raise AssertionError("Expected the last try to return or raise, got neither")
 
 
 def version_of(place: Place) -> Version:

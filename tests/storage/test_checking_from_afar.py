@@ -175,3 +175,76 @@ def test_a_file_that_is_damaged_where_it_lies(server: FileServer, capsys: pytest
     assert "truncated" in capsys.readouterr().out
     assert check(server.url("text.h5")) == 2
     assert "no HDF5 signature" in capsys.readouterr().err
+
+
+POLICY = """
+ruleset_version = "2"
+files = ["**/*.h5"]
+required_streams = ["imu"]
+naming = '(train|test)/[a-z]+\\.h5'
+same_sequence = true
+[documents]
+licence = "LICENSE"
+[check]
+select = ["clocks", "integrity"]
+"""
+
+
+@pytest.fixture
+def release(bucket: Any, folder: Path) -> str:
+    """A prefix with two sequences in folders, a document, a hidden object and one of another kind."""
+    content = (folder / "seq.h5").read_bytes()
+    for key, body in {
+        "v1/train/a.h5": content,
+        "v1/test/b.h5": content,
+        "v1/LICENSE": b"CC BY 4.0\n",
+        "v1/.cache/c.h5": b"",
+        "v1/notes.txt": b"none",
+    }.items():
+        bucket.put_object(Bucket=BUCKET, Key=key, Body=body)
+    return f"s3://{BUCKET}/v1/"
+
+
+def test_all_sequences_below_a_prefix_are_checked(release: str, tmp_path: Path) -> None:
+    assert check(release, "--json", tmp_path / "out.json") == 0
+    files = json.loads((tmp_path / "out.json").read_text())["files"]
+    assert [file["path"] for file in files] == [f"{release}test/b.h5", f"{release}train/a.h5"]
+
+
+def test_a_prefix_without_sequences(bucket: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    bucket.put_object(Bucket=BUCKET, Key="empty/notes.txt", Body=b"none")
+    assert check(f"s3://{BUCKET}/empty/") == 2
+    assert "got 1 other objects" in capsys.readouterr().err
+    assert check("s3://no-such-bucket/empty/") == 2
+
+
+def test_a_prefix_is_held_to_a_policy(release: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its sequences and its documents; nothing that needs every byte."""
+    policy, out = tmp_path / "policy.toml", tmp_path / "out.json"
+    policy.write_text(POLICY)
+    assert run(["gate", release, "--policy", str(policy), "--json", str(out)]) == 0
+    files = json.loads(out.read_text())["files"]
+    assert [file["path"] for file in files] == [f"{release}test/b.h5", f"{release}train/a.h5", release]
+    policy.write_text(POLICY.replace("LICENSE", "DATASHEET.md").replace("(train|test)", "train"))
+    assert run(["gate", release, "--policy", str(policy), "--json", str(out)]) == 1
+    codes = {finding["code"] for file in json.loads(out.read_text())["files"] for result in file["results"]
+             for finding in result["findings"]}  # fmt: skip
+    assert {"release.documents.licence", "release.naming.pattern"} <= codes
+    capsys.readouterr()
+    assert run(["gate", release, "--policy", str(policy), "--certificate", str(tmp_path / "c.json")]) == 2
+    assert "every byte is read" in capsys.readouterr().err
+    assert run(["gate", release.rstrip("/"), "--policy", str(policy)]) == 2
+    assert "a prefix (s3://bucket/prefix/)" in capsys.readouterr().err
+
+
+def test_a_cluster_gates_a_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same record as without it, but for its run."""
+    policy, here, there = (folder / name for name in ("policy.toml", "here.json", "there.json"))
+    policy.write_text('ruleset_version = "2"\nfiles = ["*.h5"]\n[check]\nselect = ["clocks"]\n')
+    gate = ("gate", str(folder), "--policy", str(policy), "--json")
+    assert run([*gate, str(here)]) == 0
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1") as cluster:  # type: ignore[no-untyped-call]
+        assert run([*gate, str(there), "--dask", cluster.scheduler_address]) == 0
+        assert run([*gate, str(there), "--dask", cluster.scheduler_address, "--jobs", "2"]) == 2
+    assert "either --jobs or --dask" in capsys.readouterr().err
+    assert json.loads(here.read_text())["files"] == json.loads(there.read_text())["files"]

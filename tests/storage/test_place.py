@@ -43,6 +43,13 @@ def test_what_cannot_be_read_from(text: str, told: str) -> None:
     assert "key:secret" not in str(refused.value)
 
 
+@pytest.mark.parametrize(("text", "is_prefix"), [("s3://b/", True), ("s3://b/p/", True), ("https://h/p/", False)])
+def test_a_slash_at_the_end_names_a_prefix(text: str, is_prefix: bool) -> None:
+    place = place_of(text)
+    assert isinstance(place, RemoteFile)
+    assert place.is_prefix == is_prefix
+
+
 def test_schemes_in_capitals() -> None:
     """A scheme means the same in capitals."""
     assert place_of("S3://bucket/Seq.h5") == RemoteFile("s3://bucket/Seq.h5")
