@@ -359,7 +359,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "intrinsics_focal": _focal_length,
         "intrinsics_centre": _principal_point,
         "extrinsic_rotation": _mounting,
-        "quaternion_inverted": lambda _: iter([motion.QuaternionInversion()]),
+        "quaternion_inverted": lambda _: iter([motion.QuaternionInversion(), motion.PoseInversion()]),
         "quaternion_order": lambda _: iter([motion.QuaternionOrder()]),
         "quaternion_not_unit": lambda fit: iter([motion.QuaternionLength(fit.size)]),
         "gravity_missing": lambda _: iter([motion.GravityError("gravity_missing")]),

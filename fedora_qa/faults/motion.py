@@ -253,6 +253,30 @@ class QuaternionInversion:
 
 
 @dataclass(frozen=True, slots=True)
+class PoseInversion:
+    """Poses are ``T_body_world``: quaternions rotate from world to body, positions are of the world in the body."""
+
+    cause: ClassVar[str] = "quaternion_inverted"
+    stream: ClassVar[str] = "pose"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Invert the poses."""
+        streams_in(facts, self.stream)
+
+        def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
+            # The inverse of (R, p) is (R^T, -R^T p).
+            R_world_body = so3.matrices_from_quaternions(sequence.rows(_ORIENTATION, start, stop))
+            return np.asarray(-np.einsum("nji,nj->ni", R_world_body, read(start, stop)))
+
+        return Fault("poses take the world to the body", {_POSITION: alter, _ORIENTATION: values(so3.inverse)})
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Invert them again: inversion is its own inverse."""
+        return self.plant(facts, sequence)
+
+
+@dataclass(frozen=True, slots=True)
 class QuaternionLength:
     """Quaternions are not of unit length.
 

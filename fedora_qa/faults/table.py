@@ -90,7 +90,7 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         ("lever_arm", "pose"): (motion.PoseLeverArm,),
         ("lever_arm", "metadata"): (cameras.MountingLeverArm,),
         **_every("quaternion_order", (motion.QuaternionOrder,)),
-        **_every("quaternion_inverted", (motion.QuaternionInversion,)),
+        **_every("quaternion_inverted", (motion.QuaternionInversion, motion.PoseInversion)),
         **_every("quaternion_not_unit", (motion.QuaternionLength,)),
         **_every("frame_convention", (axes.VectorAxes,), ("imu", "pose", "flow")),
         ("frame_convention", "metadata"): (axes.CameraAxes,),

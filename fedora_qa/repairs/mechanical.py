@@ -97,6 +97,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         motion.GravityError: _GRAVITY,
         motion.QuaternionOrder: _MECHANICAL,
         motion.QuaternionInversion: _MECHANICAL,
+        motion.PoseInversion: _MECHANICAL,
         motion.QuaternionLength: _MECHANICAL,
         units.LengthUnit: _MECHANICAL,
         units.AngleUnit: _MECHANICAL,

@@ -37,6 +37,7 @@ from fedora_qa.faults.motion import (
     AccelBias,
     GravityError,
     GyroBias,
+    PoseInversion,
     PoseLeverArm,
     QuaternionInversion,
     QuaternionLength,
@@ -154,6 +155,13 @@ def north_east_down(arrays: Arrays) -> Arrays:
             "path/pose/orientation": Rotation.from_matrix(W @ R @ B.T).as_quat()}  # fmt: skip
 
 
+def world_in_body(arrays: Arrays) -> Arrays:
+    """Poses as visual SLAM writes them: the inverse of each."""
+    inverse = Rotation.from_quat(arrays["path/pose/orientation"]).inv()
+    return {"path/pose/position": -inverse.apply(arrays["path/pose/position"]),
+            "path/pose/orientation": inverse.as_quat()}  # fmt: skip
+
+
 def ray_lengths(arrays: Arrays) -> Arrays:
     """Distance of each point from the centre of the camera: sqrt(X^2 + Y^2 + Z^2)."""
     Z = arrays["path/depth"].astype(float)
@@ -243,6 +251,7 @@ ROUNDED: list[Truth] = [
     (Teleport((0, -2, 0), (10, 15)), on(from_row([0, -2, 0], 10, 15), "path/pose/position")),
     (PoseLeverArm((0.3, 0, 0.1)), lambda arrays: {"path/pose/position": arrays["path/pose/position"]
         + Rotation.from_quat(arrays["path/pose/orientation"]).apply([0.3, 0, 0.1])}),
+    (PoseInversion(), world_in_body),
     (QuaternionLength(0.1), on(lambda q: q * 1.1, "path/pose/orientation")),
     (QuaternionLength(0.0), on(lambda q: q * np.linspace(0.9, 1.2, len(q))[:, None], "path/pose/orientation")),
     (VectorAxes("pose", ((0, 1, 0), (1, 0, 0), (0, 0, -1)), ((1, 0, 0), (0, -1, 0), (0, 0, -1))), north_east_down),

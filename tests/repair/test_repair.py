@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fedora_generator.faults.plant import plant_fault
 from fedora_qa.engine.options import CheckOptions, FileRun
@@ -18,7 +19,7 @@ from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import GravityMisdeclared
 from fedora_qa.faults.images import ChannelOrder
 from fedora_qa.faults.index_maps import IndexShift
-from fedora_qa.faults.motion import GyroBias, QuaternionOrder
+from fedora_qa.faults.motion import GyroBias, PoseInversion, QuaternionOrder
 from fedora_qa.faults.pixels import PolarityInversion
 from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, Unsorted
@@ -125,6 +126,24 @@ def test_a_map_of_milliseconds_is_diagnosed_and_repaired(tiny_park_day: Path, tm
     with h5py.File(out) as repaired, h5py.File(tiny_park_day) as clean:
         np.testing.assert_array_equal(repaired["metadata/ms_to_event"], entries)
         np.testing.assert_array_equal(repaired["path/events/t"], clean["path/events/t"])
+
+
+def test_poses_of_the_world_in_the_body_are_inverted_again(tiny_park_day: Path, tmp_path: Path) -> None:
+    """As visual SLAM writes them: no position is that of the body."""
+    faulty, out = tmp_path / "faulty.h5", tmp_path / "out.h5"
+    faulty.write_bytes(tiny_park_day.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        inverse = Rotation.from_quat(file["path/pose/orientation"][()]).inv()
+        file["path/pose/position"][...] = -inverse.apply(file["path/pose/position"][()])
+        file["path/pose/orientation"][...] = inverse.as_quat()
+    options = CheckOptions(select=("imu",), profile="release")
+    result = repair(faulty, out, options, quiet, check=diagnosing_check(faulty, PoseInversion()))
+    assert (result.before.verdict, result.refusal) == ("findings", "")
+    with h5py.File(out) as repaired, h5py.File(tiny_park_day) as clean:
+        np.testing.assert_allclose(repaired["path/pose/position"], clean["path/pose/position"], atol=1e-12)
+        turned = Rotation.from_quat(repaired["path/pose/orientation"][()]).inv()
+        turned *= Rotation.from_quat(clean["path/pose/orientation"][()])
+        assert turned.magnitude().max() < 1e-12
 
 
 @pytest.mark.parametrize("offset_ms", [-3, 1])
