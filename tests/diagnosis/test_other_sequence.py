@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fedora_qa.diagnosis.vetoes import contradicts
 from fedora_qa.engine.run import CheckOptions, check_file
@@ -41,3 +42,16 @@ def test_an_imu_whose_counter_restarts_is_of_this_flight(tmp_path: Path) -> None
     assert contradicts("other_sequence", "imu", None, results, {})
     assert not contradicts("other_sequence", "pose", None, results, {})
     assert "other_sequence" not in {diagnosis.cause for diagnosis in record.diagnoses}
+
+
+def test_poses_of_the_world_in_the_body_are_of_this_flight(tmp_path: Path) -> None:
+    """With quaternions and positions inverted nothing fits, until both are inverted again."""
+    samples = sample_motion(duration_s=2.0)
+    R_body_world = Rotation.from_quat(samples.orientations_xyzw).inv()
+    inverted = MotionFile(samples=samples).altered(
+        positions_world_m=-R_body_world.apply(samples.positions_world_m), orientations_xyzw=R_body_world.as_quat()
+    )
+    path = inverted.write(tmp_path / "motion.h5")
+    first = check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record.diagnoses[0]
+    assert (first.cause, first.stream) == ("quaternion_inverted", "pose")
+    assert first.tried == ("poses take the world to the body",)
