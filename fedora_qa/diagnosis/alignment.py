@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, EventEdges
+from fedora_qa.diagnosis.centre_conventions import hypotheses_of_conventions
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
@@ -35,6 +36,7 @@ def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             depth, rgb = support("alignment.mirrored_depth_against_events"), support("alignment.mirrored_rgb_unopposed")
         return Hypothesis("mirrored", "depth", depth), Hypothesis("mirrored", "rgb", rgb)
     return (
+        *hypotheses_of_conventions(facts),
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
         # An offset or an exchange of frames moves edges along the motion of the image.
         Hypothesis("time_offset", "rgb", support("alignment.frame_time_offset")),
@@ -47,6 +49,7 @@ def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 def propose_events(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for ``alignment.events``: a shifted camera, or a late stream."""
     return (
+        *hypotheses_of_conventions(facts),
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
         # Offsets and rate errors of clocks shift events along the motion of the image.
         Hypothesis("time_offset", "events", support("alignment.event_time_offset")),

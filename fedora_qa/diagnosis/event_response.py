@@ -16,6 +16,7 @@ from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
+from fedora_qa.diagnosis.centre_conventions import hypotheses_of_conventions
 from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
@@ -156,6 +157,8 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         *_offsets(statistic.value - statistic.expected, error_ms, facts, courses.constant + courses.segment),
         *_rates(estimate, courses.drift),
         wrong_model,
+        # Events of a shifted image come before or after the edge by the shift over its speed.
+        *hypotheses_of_conventions(facts),
     )
 
 
@@ -285,7 +288,8 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             Hypothesis("time_offset", "rgb", _of_alignment("frames_time_offset")),
             Hypothesis("clock_rate", "events", _of_alignment("clock_rate")),
             Hypothesis("event_model_misdeclared", "events", _of_alignment("event_model")),
-            Hypothesis("intrinsics_centre", "metadata", _of_alignment("intrinsics_centre")),
+            *(hypotheses_of_conventions(facts)
+              or (Hypothesis("intrinsics_centre", "metadata", _of_alignment("intrinsics_centre")),)),
         )  # fmt: skip
     of_frames: tuple[Hypothesis, ...] = ()
     if alarm.finding.code == "event_response.alignment.stretch":

@@ -10,6 +10,7 @@ import numpy as np
 
 from fedora_qa.causes import stream_family
 from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.diagnosis.centre_conventions import convention_offsets_px
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_vector, measured, rgb_px_per_event_px, vector
 from fedora_qa.faults import (
     axes,
@@ -240,6 +241,9 @@ def _focal_length(fit: FittedCause) -> Faults:
 
 
 def _principal_point(fit: FittedCause) -> Faults:
+    if fit.stream == "metadata":
+        for camera, offset_px in convention_offsets_px(fit.facts).items():
+            yield cameras.PrincipalPointShift("metadata", offset_px, offset_px, camera)
     u, v = _fitted_vector(fit) or flow_vector("centre", ("u", "v"), fit.stream, fit.results)
     along_axes = ((fit.size, 0.0), (0.0, fit.size))
     for camera in _suspected_cameras(fit):

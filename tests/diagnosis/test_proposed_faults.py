@@ -1,11 +1,14 @@
 """Every proposal is a fault of the table, of its own cause and stream, with the size that was fitted."""
 
+from dataclasses import replace
+
 import pytest
 
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.centre_conventions import hypotheses_of_conventions
 from fedora_qa.diagnosis.proposed_faults import faults_for, is_length_unit, is_testable
-from fedora_qa.faults.cameras import FocalLength, MountingRotation
+from fedora_qa.faults.cameras import FocalLength, MountingRotation, PrincipalPointShift
 from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.table import faults_of
 from fedora_qa.features import Feature
@@ -116,6 +119,22 @@ def test_the_vector_of_which_the_size_is_the_norm_is_undone() -> None:
     assert of_flow == MountingRotation("flow", (3.0, 0.0, -4.0))
     of_camera = next(iter(faults_for("extrinsic_rotation", "metadata", 5.0, alarms, {}, facts)))
     assert of_camera == MountingRotation("metadata", (-3.0, 0.0, 4.0), "depth")
+
+
+@pytest.mark.parametrize(("convention_px", "offset_px"), [(0.5, 0.5), (1.0, 1.0), (0.0, None), (0.3, None)])
+def test_a_principal_point_by_another_convention_is_moved_back(convention_px: float, offset_px: float | None) -> None:
+    """That of W/2 of one camera is the first to be tried; a distance of no convention proposes nothing."""
+    facts = facts_of(memory_sequence())
+    events = facts.declared.cameras["events"]
+    K = events.K.copy()
+    K[:2, 2] = (events.width - 1) / 2 + convention_px, (events.height - 1) / 2 + convention_px
+    cameras = {**facts.declared.cameras, "events": replace(events, K=K)}
+    facts = replace(facts, declared=replace(facts.declared, cameras=cameras))
+    hypotheses = hypotheses_of_conventions(facts)
+    first = next(faults_for("intrinsics_centre", "metadata", 0.5, (), {}, facts))
+    by_convention = None if offset_px is None else PrincipalPointShift("metadata", offset_px, offset_px, "events")
+    assert [each.magnitude for each in hypotheses] == ([] if by_convention is None else [by_convention.magnitude])
+    assert (first == by_convention) == (by_convention is not None)
 
 
 def test_units_of_length() -> None:

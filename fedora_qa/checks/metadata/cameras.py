@@ -151,13 +151,10 @@ class MetadataCameras(FactsCheck):
                     f"of its {camera.width} x {camera.height} image, as in a crop of a larger one"
                 )
                 notices.append(Notice("metadata.cameras.crop", message, where))
-            offsets = [c - (size - 1) / 2 for c, size in _centre_and_size(camera)]
-            for offset, convention in _PRINCIPAL_POINTS.items():
-                if np.allclose(offsets, offset, rtol=0.0, atol=1e-3):
-                    message = (
-                        f"the principal point of the {name} camera is {convention}: another convention than (W-1)/2"
-                    )
-                    notices.append(Notice("metadata.cameras.principal_point", message, where))
+            if offset_px := convention_offset_px(camera):
+                convention = _PRINCIPAL_POINTS[offset_px]
+                message = f"the principal point of the {name} camera is {convention}: another convention than (W-1)/2"
+                notices.append(Notice("metadata.cameras.principal_point", message, where))
             fx, fy = camera.K[0, 0], camera.K[1, 1]
             if fx > 0 and not np.isclose(fx, fy, rtol=1e-3):
                 message = f"pixels of the {name} camera are not square: {fx:.6g}, {fy:.6g}"
@@ -251,6 +248,13 @@ def _of_rectify_map(map_px: NDArray[np.float32], events: Camera, view: Camera) -
                      text=f"rectify_map differs from the declared cameras by up to {worst_px:.4g} px, at column "
                      f"{column} and row {row}, and by {np.median(off_px[both]):.4g} px at half of the pixels; is it of "
                      "this calibration, x before y, and from the event camera to the view of depth?")  # fmt: skip
+
+
+def convention_offset_px(camera: Camera) -> float:
+    """Return how far right and down of (W-1)/2 a principal point lies by another convention, px; 0 if by none."""
+    offsets_px = [c - (size - 1) / 2 for c, size in _centre_and_size(camera)]
+    alike = (offset for offset in _PRINCIPAL_POINTS if np.allclose(offsets_px, offset, rtol=0.0, atol=1e-3))
+    return next(alike, 0.0)
 
 
 def _centre_and_size(camera: Camera) -> tuple[tuple[float, int], tuple[float, int]]:
