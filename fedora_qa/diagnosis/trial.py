@@ -86,8 +86,13 @@ class UndoTrial:
 
     @property
     def fails(self) -> bool:
-        """Whether undoing the fault clears nothing, and leaves more than half of each deviation that is shown."""
-        return not self.cleared and bool(self.left) and min(abs(ratio) for ratio in self.left.values()) > HALF
+        """Whether undoing the fault clears nothing, and leaves more than half of each deviation that is shown.
+
+        Where no deviation can be judged after it, it fails if it brings about others.
+        """
+        if self.cleared:
+            return False
+        return min(map(abs, self.left.values())) > HALF if self.left else bool(self.caused)
 
     @property
     def reduces(self) -> bool:

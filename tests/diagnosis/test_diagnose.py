@@ -173,6 +173,12 @@ def test_what_clears_the_findings_is_the_cause() -> None:
     assert [(d.cause, d.status, d.cleared) for d in found] == [("time_offset", "confirmed", ("F1", "F2"))]
 
 
+def test_what_only_brings_about_findings_is_no_cause() -> None:
+    """Undoing it leaves nothing that could be judged, clears nothing, and other findings appear."""
+    assert diagnosed(BOTH, {IS_SHIFTED: tried()})[0].cause == "spatial_offset"
+    assert diagnosed(BOTH, {IS_SHIFTED: tried(caused=("other.rule",))})[0].cause == "time_offset"
+
+
 def test_what_clears_all_of_several_checks_outweighs_a_measurement_at_a_place() -> None:
     """A delay fits a part of the file, and undoing it leaves a part; a focal length clears what all checks show."""
     late = Hypothesis("time_offset", "events", 0.95)
