@@ -273,8 +273,8 @@ def sample_block(
 @njit(cache=True, error_model="numpy")
 def signal_at(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> float:
     """Signal of one pixel of the tile at any share of the path."""
-    one = int(np.int64(1))  # a literal is a type of its own, for which Numba would compile the callee once more
-    sample_block(stage, sensor, x, y, one, one, share, stage.signal)
+    side = int(np.int64(1))  # a literal is a type of its own, for which Numba would compile the callee once more
+    sample_block(stage, sensor, x, y, side, side, share, stage.signal)
     return float(stage.signal[0])
 
 
