@@ -19,16 +19,18 @@ from tests.support.sequences import CLEAN_PART_S, make_sequence
 
 
 def compile_checks(folder: Path) -> None:
-    """Compile what is listed, check a file that no generator wrote, with canaries, then a flight, clean and faulty."""
+    """Compile what is listed, check a file that no generator wrote, with canaries, a flight, and its flow with a fault.
+
+    Undoing a fault gives arrays that can be written to, for which loops are compiled once more.
+    """
     for group in listed_groups():
         compile_group(group, Worker(OpenFile(keeps=False)))
     check_file(write_handmade(folder / "a.h5"), CheckOptions(canary=True))
-    clean, late, faulty = (folder / f"{name}.h5" for name in ("clean", "late", "faulty"))
-    make_sequence(clean, "park-day", CLEAN_PART_S["exact"])
-    plant_fault(clean, late, "time_offset", "events", 5.0, "ms")
-    plant_fault(late, faulty, "flow_gain", "flow", 10.0)
-    for path in (clean, faulty):
-        check_file(path, CheckOptions())
+    clean, faulty = folder / "clean.h5", folder / "faulty.h5"
+    make_sequence(clean, "park-day", CLEAN_PART_S["exact"], 198, 147)
+    plant_fault(clean, faulty, "flow_gain", "flow", 10.0)
+    check_file(clean, CheckOptions())
+    check_file(faulty, CheckOptions(select=("flow_geometry", "flow_photometric", "flow_rates")))
 
 
 def compile_generator(folder: Path) -> None:
