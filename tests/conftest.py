@@ -1,8 +1,10 @@
 """Sequences that several tests share."""
 
 import functools
+import gc
 import os
-from collections.abc import Iterator
+import pickle
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import cv2
@@ -10,6 +12,7 @@ import numba
 import pytest
 
 from fedora_generator.mesh import places
+from fedora_generator.mesh.model import MeshModel
 from fedora_generator.scene import load_scene
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from tests.support.graphics import require_chromium, require_opengl
@@ -22,6 +25,17 @@ from tests.support.sequences import (
     make_sequence,
 )
 from tests.support.shared_files import SharedFiles
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Look for garbage once after ten thousand tests are collected, and no more among what lives until the end."""
+    gc.disable()
+    collected = yield
+    gc.collect()
+    gc.freeze()
+    gc.enable()
+    return collected
 
 
 @pytest.fixture(autouse=True)
@@ -37,14 +51,6 @@ def one_thread() -> None:
     cv2.setNumThreads(1)
 
 
-@pytest.fixture(autouse=True, scope="session")
-def places_built_once() -> Iterator[None]:
-    """Build each place of meshes once in each process: it takes seconds, and all scenes of a place need the same."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(places, "build_place", functools.cache(places.build_place))
-        yield
-
-
 @pytest.fixture(scope="session")
 def shared_files(tmp_path_factory: pytest.TempPathFactory) -> SharedFiles:
     """Files that are written once a run, whichever process needs them first."""
@@ -54,6 +60,24 @@ def shared_files(tmp_path_factory: pytest.TempPathFactory) -> SharedFiles:
         folder = folder.parent
     (folder / "shared").mkdir(exist_ok=True)
     return SharedFiles(folder / "shared")
+
+
+@pytest.fixture(autouse=True, scope="session")
+def places_built_once(shared_files: SharedFiles) -> Iterator[None]:
+    """Build each place of meshes once a run: it takes seconds, and all scenes of a place need the same."""
+    build = places.build_place
+
+    @functools.cache
+    def built(name: str, seed: int) -> MeshModel:
+        path = shared_files.file(
+            f"{name}-{seed}.pickle", lambda path: path.write_bytes(pickle.dumps(build(name, seed)))
+        )
+        model: MeshModel = pickle.loads(path.read_bytes())
+        return model
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(places, "build_place", built)
+        yield
 
 
 @pytest.fixture(scope="session")
