@@ -10,7 +10,7 @@ from fedora_generator.generate import Request, generate_sequence
 from fedora_qa.catalogue import CHECKS
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import FileRecord
-from tests.support.sequences import CLEAN_PART_S, CleanSequence, small_scene
+from tests.support.sequences import CLEAN_PART_S, CLEAN_SIZES_PX, CleanSequence, small_scene
 
 SCENES = [name for name in SCENE_NAMES if name not in PRESET_NAMES]
 
@@ -55,7 +55,9 @@ def test_a_stream_left_out_costs_only_what_needs_it(stream: str, whole: dict[str
     path = tmp_path / "without.h5"
     kept = frozenset(STREAMS) - {stream}
     generate_sequence(
-        small_scene("park-day"), path, Request(duration_s=CLEAN_PART_S["exact"], quality="draft", streams=kept)
+        small_scene("park-day", *CLEAN_SIZES_PX["park-day"]),
+        path,
+        Request(duration_s=CLEAN_PART_S["exact"], quality="draft", streams=kept),
     )
     record = check_file(path, CheckOptions()).record
     assert not alarms(record)
