@@ -242,8 +242,8 @@ def _focal_length(fit: FittedCause) -> Faults:
 
 def _principal_point(fit: FittedCause) -> Faults:
     if fit.stream == "metadata":
-        for camera, offset_px in convention_offsets_px(fit.facts).items():
-            yield cameras.PrincipalPointShift("metadata", offset_px, offset_px, camera)
+        for name, offset_px in convention_offsets_px(fit.facts).items():
+            yield cameras.PrincipalPointShift("metadata", offset_px, offset_px, name)
     u, v = _fitted_vector(fit) or flow_vector("centre", ("u", "v"), fit.stream, fit.results)
     along_axes = ((fit.size, 0.0), (0.0, fit.size))
     for camera in _suspected_cameras(fit):
