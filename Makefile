@@ -2,6 +2,7 @@
 #   make demo         environment, a generated sequence, its check and report; says where things are
 #   make test         format, lint, types, contracts, tests
 #   make bench        speed and timing of the event sensor against a yardstick and the closed form: docs/benchmarks.md
+#   make bench-cluster what gating many small sequences on a cluster costs: printed, for docs/cluster.md
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
 #   make bench-flow   what reading frames between pixels costs, and how far it errs: docs/flow-interpolation.md
 #   make bench-files  what checking files of 1440x1080 takes, against decoding them: docs/full-size.md; three quarters of an hour, 10 GB
@@ -51,7 +52,7 @@ kernels: $(READY)
 	$(BIN)/fedora-generate sequence park-noisy -o $(OUT)/kernels-noisy.h5 --duration 0.6 --size 180x136 --force
 	$(BIN)/python -m fedora_qa.cli.kernel_list $(OUT)/kernels.h5 $(OUT)/kernels-noisy.h5
 
-.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-learning study-learning-smoke study-named-foreign study-real-data study-blind-spots study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings bench-releases site clean
+.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-learning study-learning-smoke study-named-foreign study-real-data study-blind-spots study-mesh study-presets study-trade mutation bench bench-cluster bench-costs bench-files bench-flow bench-imu bench-readings bench-releases site clean
 
 demo: $(READY_TO_USE)
 	@mkdir -p $(OUT)
@@ -75,6 +76,12 @@ bench-flow: $(READY)
 
 bench-files: $(READY)
 	$(BIN)/python -m tests.benchmarks.full_size.study
+
+# Numbers of sequences in the releases that are gated.
+COUNTS ?= 100 300 1000
+
+bench-cluster: $(READY)
+	$(BIN)/python -m tests.benchmarks.cluster.study $(COUNTS)
 
 bench-releases: $(READY)
 	$(BIN)/python -m tests.benchmarks.release_costs.study

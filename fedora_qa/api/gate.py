@@ -57,8 +57,8 @@ def gate(
     if jobs is not None and jobs < 1:
         raise MisuseError(f"Expected one job or more, got {jobs}; pass jobs=1 to check one file at a time")
     external = folder_texts(allow_external) or ()
-    known = None if baseline is None else Path(baseline)
-    plan = plan_gate(place_of(fspath(folder)), Path(policy), known, jobs, external)
+    accepted = None if baseline is None else Path(baseline)
+    plan = plan_gate(place_of(fspath(folder)), Path(policy), accepted, jobs, external)
     require_disk(plan.release.folder, "a certificate", certificate)
     output = None if certificate is None else Path(certificate)
     Outputs(own=(output,)).require_writable(plan.inputs)

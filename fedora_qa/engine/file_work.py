@@ -218,6 +218,7 @@ class FileWork:
         for part in self._parts.values():
             part.states.discard()
         self._parts.clear()
+        self._survey = None
         self._reported = {0: self.windows}
 
     def _tell(self, what: str, done: int, of: int) -> None:

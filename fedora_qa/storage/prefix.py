@@ -15,7 +15,7 @@ _PARTS_OF_URLS: Final = frozenset("?#")
 
 
 @dataclass(frozen=True, slots=True)
-class StoredObject:
+class RemoteObject:
     """An object below a prefix; ``name`` is relative to it, with slashes."""
 
     name: str
@@ -23,7 +23,7 @@ class StoredObject:
     size: int
 
 
-def list_objects(prefix: RemoteFile) -> tuple[StoredObject, ...]:
+def list_objects(prefix: RemoteFile) -> tuple[RemoteObject, ...]:
     """Return the objects below a prefix, in the order of their names; hidden ones are left out, as of a folder.
 
     Raises
@@ -48,5 +48,5 @@ def list_objects(prefix: RemoteFile) -> tuple[StoredObject, ...]:
             raise MisuseError(
                 f"Expected names without ? and # below {prefix}, got {name!r}; name the objects one by one"
             )
-        objects.append(StoredObject(name, RemoteFile(f"{prefix.url}{name}"), int(facts.get("size") or 0)))
+        objects.append(RemoteObject(name, RemoteFile(f"{prefix.url}{name}"), int(facts.get("size") or 0)))
     return tuple(objects)
