@@ -158,7 +158,7 @@ def north_east_down(arrays: Arrays) -> Arrays:
 def world_in_body(arrays: Arrays) -> Arrays:
     """Poses as visual SLAM writes them: the inverse of each."""
     inverse = Rotation.from_quat(arrays["path/pose/orientation"]).inv()
-    return {"path/pose/position": -inverse.apply(arrays["path/pose/position"]),
+    return {"path/pose/position": -inverse.apply(arrays["path/pose/position"].copy()),
             "path/pose/orientation": inverse.as_quat()}  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import NoiseMisdeclared
 from fedora_qa.faults.images import TransferMisdeclared
 from fedora_qa.faults.index_maps import IndexSide
+from fedora_qa.faults.motion import PoseInversion
 from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
@@ -100,7 +101,8 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     """The table is complete, and holds nothing else; each mechanical one has a case."""
     classes = {each for entry in FAULTS.values() if not isinstance(entry, WithoutInverse) for each in entry}
     assert set(MECHANICAL) == classes
-    beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared}  # tests of their own below
+    # Tests of their own: below, and in ``test_repair``.
+    beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared, PoseInversion}
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
     assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside
 
