@@ -11,6 +11,7 @@ and at its worst. Diagnosis runs only after an alarm: on clean files it would al
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import isclose
 from types import MappingProxyType
 from typing import Final
 
@@ -44,6 +45,17 @@ _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 
 _VECTORS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm"})
 """Causes whose size is the length of a vector, of which each finding states a component."""
+
+
+def _size_by_trial(cause: str, fitted: float | None, undone: float | None) -> float | None:
+    """Return the size of a cause whose fault was undone: that of the fault where the fitted one does not state it.
+
+    An offset from frames is known up to their step, and the trial decides which one it is.
+    """
+    if cause in _VECTORS or fitted is None:
+        return undone
+    is_of_another_step = cause == "time_offset" and undone is not None and not isclose(undone, fitted)
+    return undone if is_of_another_step else fitted
 
 
 def rank_candidates(
@@ -142,8 +154,7 @@ def choose_causes(
         size, trial = best.size, trials.get(best.key)
         magnitude = size.magnitude
         if trial is not None and trial.cleared:
-            is_vector = best.cause in _VECTORS or magnitude is None
-            magnitude = trial.size or (trial.fault.magnitude if is_vector else magnitude)
+            magnitude = trial.size or _size_by_trial(best.cause, magnitude, trial.fault.magnitude)
         diagnoses.append(
             Diagnosis(
                 id=f"D{len(diagnoses) + 1}",

@@ -9,6 +9,7 @@ from typing import Any, Final, get_args
 import numpy as np
 
 from fedora_qa.causes import stream_family
+from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.centre_conventions import convention_offsets_px
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_vector, measured, rgb_px_per_event_px, vector
@@ -117,6 +118,18 @@ def is_length_unit(factor: float) -> bool:
     """Whether a factor is the ratio of two units of length."""
     ratios = (ratio for unit in _LENGTH_UNITS for ratio in (unit, 1 / unit))
     return any(abs(factor / ratio - 1) <= _UNIT_TOLERANCE for ratio in ratios)
+
+
+def _clock_shift(fit: FittedCause) -> Faults:
+    offset_ns = fit.size * NS_PER_MS
+    yield clocks.ClockShift(fit.stream, offset_ns)
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    depth = fit.facts.clocks.get("depth")
+    if depth is not None and any(isinstance(feature, TimestampPattern) for feature in features):
+        # The offset from the nearest frame is known up to the step of the frames.
+        steps_ns = np.diff(depth.times_ns[depth.advancing])
+        if len(steps_ns):
+            yield clocks.ClockShift(fit.stream, offset_ns - copysign(float(np.median(steps_ns)), offset_ns))
 
 
 def _clock_rate(fit: FittedCause) -> Faults:
@@ -340,7 +353,7 @@ def _curves(fit: FittedCause) -> Faults:
 
 _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyType(
     {
-        "time_offset": lambda fit: iter([clocks.ClockShift(fit.stream, fit.size * NS_PER_MS)]),
+        "time_offset": _clock_shift,
         "clock_rate": _clock_rate,
         "time_unit": lambda fit: iter([clocks.TimeUnit(fit.stream, fit.size)]),
         "duplicated_samples": lambda fit: iter([row_order.DuplicatedSamples(fit.stream)]),

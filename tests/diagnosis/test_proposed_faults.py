@@ -2,10 +2,13 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fedora_qa.causes import CAUSES, stream_family
+from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.centre_conventions import hypotheses_of_conventions
 from fedora_qa.diagnosis.proposed_faults import faults_for, is_length_unit, is_testable
 from fedora_qa.faults.cameras import FocalLength, MountingRotation, PrincipalPointShift
@@ -135,6 +138,18 @@ def test_a_principal_point_by_another_convention_is_moved_back(convention_px: fl
     by_convention = None if offset_px is None else PrincipalPointShift("metadata", offset_px, offset_px, "events")
     assert [each.magnitude for each in hypotheses] == ([] if by_convention is None else [by_convention.magnitude])
     assert (first == by_convention) == (by_convention is not None)
+
+
+@pytest.mark.parametrize(("offset_ms", "other_ms"), [(2.0, -18.0), (-9.0, 11.0)])
+def test_an_offset_from_frames_is_known_up_to_their_step(offset_ms: float, other_ms: float) -> None:
+    """Depth frames are 20 ms apart: 18 ms early looks like 2 ms late. Offsets that events measure are no such ones."""
+    facts = facts_of(memory_sequence())
+    steps_ms = np.diff(facts.clocks["depth"].times_ns) / NS_PER_MS
+    np.testing.assert_array_equal(steps_ms, 20.0)
+    from_frames = alarm("flow_geometry.validity.off_frames", TimestampPattern("constant", offset_ms, 1.0, "depth"))
+    for alarms, sizes_ms in (((from_frames,), [offset_ms, other_ms]), ((), [offset_ms])):
+        faults = faults_for("time_offset", "depth", offset_ms, alarms, {}, facts)
+        assert [fault.magnitude for fault in faults] == pytest.approx(sizes_ms)
 
 
 def test_units_of_length() -> None:

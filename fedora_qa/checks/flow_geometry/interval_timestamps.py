@@ -312,7 +312,8 @@ def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampP
 
     rms_ns = _rms(offsets_ns)
     patterns = []
-    for name, magnitude, residual_ns in (constant, drift, grid):
+    # A drift of 0 is that of a constant offset.
+    for name, magnitude, residual_ns in (constant, *((drift,) if slope else ()), grid):
         remaining_ns = np.abs(residual_ns)
         # Offsets are known modulo the frame step: what remains is the distance to its nearest multiple.
         if np.isfinite(step_ns):
