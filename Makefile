@@ -14,6 +14,7 @@
 #   make site         the documentation as a site: out/site/index.html, readable without a network or a server
 #   make kernels      lists the compiled loops that checks call, so that a first run compiles them on all cores
 #   make power        350 clean and 2200 faulty files, what is found of them: docs/power-tables.md; 23 GB, an hour and a quarter
+#   make power-off-grid  300 faulty files of sizes, directions, places and times at random: docs/power-off-grid.md; a quarter of an hour
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
 #   make study-composites  25 pairs of faults in one sequence: are both named? docs/named-composites.md; some minutes
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
@@ -125,6 +126,22 @@ power: $(READY)
 	$(BIN)/fedora-qa power $(OUT)/power-corpus $(OUT)/power-late $(OUT)/power-full-size --jobs $(JOBS) \
 	  --json $(OUT)/power.json --html $(OUT)/power.html --markdown docs/power-tables.md --svg docs/power-tables.svg \
 	  --publish fedora_qa/power/published.json --publish-confidence fedora_qa/diagnosis/confidence.json
+
+# Faults whose size, direction, region and time are drawn at random: shifts by fractions of a pixel, and local faults of each kind.
+POWER_RANDOM := events:time_offset,imu:time_offset,rgb:spatial_offset,flow:spatial_offset,events:spatial_offset,depth:spatial_offset,$\
+  flow_gain,metadata:intrinsics_focal,metadata:intrinsics_centre,metadata:extrinsic_rotation,imu:gyro_bias,imu:accel_bias,$\
+  exposure_or_gamma,events:threshold_misdeclared,pose:teleport,events:dropped_samples,rgb:vignetting,events:dead_region,$\
+  events:hot_pixels
+
+.PHONY: power-off-grid
+power-off-grid: export OMP_NUM_THREADS = 1
+power-off-grid: export NUMBA_NUM_THREADS = 1
+power-off-grid: $(READY)
+	@mkdir -p $(OUT)
+	$(BIN)/fedora-generate corpus -o $(OUT)/power-off-grid $(POWER_SCENES) --off-grid --clean 2 --trials 12 \
+	  --causes $(POWER_RANDOM) --size 180x136 --duration 0.5 --seed 7000
+	$(BIN)/fedora-qa power $(OUT)/power-off-grid --jobs $(JOBS) --json $(OUT)/power-off-grid.json \
+	  --markdown docs/power-off-grid.md --svg docs/power-off-grid.svg
 
 # Networks are trained in an environment of their own. PyTorch for the CPU has an index of its own, and takes 1 GB with the rest; with
 # TORCH_INDEX= (empty) it is that of PyPI, which may need a GPU. PARTS chooses parts, and results that are there are not repeated.
