@@ -47,15 +47,15 @@ _VECTORS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm"})
 """Causes whose size is the length of a vector, of which each finding states a component."""
 
 
-def _size_by_trial(cause: str, fitted: float | None, undone: float | None) -> float | None:
+def _size_by_trial(cause: str, fitted: float | None, of_fault: float | None) -> float | None:
     """Return the size of a cause whose fault was undone: that of the fault where the fitted one does not state it.
 
     An offset from frames is known up to their step, and the trial decides which one it is.
     """
     if cause in _VECTORS or fitted is None:
-        return undone
-    is_of_another_step = cause == "time_offset" and undone is not None and not isclose(undone, fitted)
-    return undone if is_of_another_step else fitted
+        return of_fault
+    is_of_another_step = cause == "time_offset" and of_fault is not None and not isclose(of_fault, fitted)
+    return of_fault if is_of_another_step else fitted
 
 
 def rank_candidates(
