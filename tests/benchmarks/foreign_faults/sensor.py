@@ -149,7 +149,10 @@ def readout_saturated(file: h5py.File, plan: Plan) -> None:
 
 
 def from_frames(file: h5py.File, plan: Plan) -> None:
-    """Events of straight lines between the log luma of the file's own frames, as video-to-events tools make them."""
+    """Events of straight lines between the file's own frames, as video-to-events tools make them.
+
+    Lines are of log luma, of luma where the sensor is linear.
+    """
     attributes = file["metadata/events"].attrs
     camera, colour = (file[f"metadata/cameras/{name}"].attrs for name in ("events", "rgb"))
     width, height = _size(file)
@@ -162,11 +165,13 @@ def from_frames(file: h5py.File, plan: Plan) -> None:
     at = np.meshgrid(scale[0, 0] * columns + scale[0, 2], scale[1, 1] * rows + scale[1, 2])
     events: list[NDArray[np.float64]] = []
     reference = level = np.zeros((height, width))
+    is_linear = attributes["model"] == "linear"
     pixel_rows, pixel_columns = np.mgrid[:height, :width]
     for number in range(len(stamps_us)):
         luma = sampled(file["path/rgb"][number].astype(np.float64) @ LUMA, *at)
         luma = luma.reshape(height, 3, width, 3).mean(axis=(1, 3))
-        earlier, level = level, np.log(np.maximum(luma, 1.0))
+        # Thresholds of a linear sensor are in DN.
+        earlier, level = level, luma if is_linear else np.log(np.maximum(luma, 1.0))
         if number == 0:
             reference = level.copy()
             continue
