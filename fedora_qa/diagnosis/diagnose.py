@@ -47,17 +47,6 @@ _VECTORS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm"})
 """Causes whose size is the length of a vector, of which each finding states a component."""
 
 
-def _size_by_trial(cause: str, fitted: float | None, of_fault: float | None) -> float | None:
-    """Return the size of a cause whose fault was undone: that of the fault where the fitted one does not state it.
-
-    An offset from frames is known up to their step, and the trial decides which one it is.
-    """
-    if cause in _VECTORS or fitted is None:
-        return of_fault
-    is_of_another_step = cause == "time_offset" and of_fault is not None and not isclose(of_fault, fitted)
-    return of_fault if is_of_another_step else fitted
-
-
 def rank_candidates(
     alarms: Sequence[Alarm],
     hypotheses: Mapping[str, Sequence[Hypothesis]],
@@ -207,6 +196,17 @@ def choose_causes(
 def key_of(diagnosis: Diagnosis) -> tuple[str, str]:
     """Return cause and stream."""
     return diagnosis.cause, diagnosis.stream
+
+
+def _size_by_trial(cause: str, fitted: float | None, of_fault: float | None) -> float | None:
+    """Return the size of a cause whose fault was undone: that of the fault where the fitted one does not state it.
+
+    An offset from frames is known up to their step, and the trial decides which one it is.
+    """
+    if cause in _VECTORS or fitted is None:
+        return of_fault
+    is_of_another_step = cause == "time_offset" and of_fault is not None and not isclose(of_fault, fitted)
+    return of_fault if is_of_another_step else fitted
 
 
 def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:

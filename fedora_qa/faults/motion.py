@@ -249,7 +249,7 @@ class QuaternionInversion:
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Conjugate them again: conjugation is its own inverse."""
-        return self.plant(facts, sequence)
+        return _of_orientations(facts, "quaternions are inverted", so3.inverse)
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,6 +262,13 @@ class PoseInversion:
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Invert the poses."""
+        return self._inverted(facts, sequence, "poses take the world to the body")
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Invert them again: inversion is its own inverse."""
+        return self._inverted(facts, sequence, "poses are inverted")
+
+    def _inverted(self, facts: Facts, sequence: SequenceRows, description: str) -> Fault:
         streams_in(facts, self.stream)
 
         def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
@@ -269,11 +276,7 @@ class PoseInversion:
             R_world_body = so3.matrices_from_quaternions(sequence.rows(_ORIENTATION, start, stop))
             return np.asarray(-np.einsum("nji,nj->ni", R_world_body, read(start, stop)))
 
-        return Fault("poses take the world to the body", {_POSITION: alter, _ORIENTATION: values(so3.inverse)})
-
-    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Invert them again: inversion is its own inverse."""
-        return self.plant(facts, sequence)
+        return Fault(description, {_POSITION: alter, _ORIENTATION: values(so3.inverse)})
 
 
 @dataclass(frozen=True, slots=True)

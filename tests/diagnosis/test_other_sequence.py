@@ -54,4 +54,4 @@ def test_poses_of_the_world_in_the_body_are_of_this_flight(tmp_path: Path) -> No
     path = inverted.write(tmp_path / "motion.h5")
     first = check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record.diagnoses[0]
     assert (first.cause, first.stream) == ("quaternion_inverted", "pose")
-    assert first.tried == ("poses take the world to the body",)
+    assert first.tried == ("poses are inverted",)

@@ -47,7 +47,7 @@ def train(samples: Samples, validation: Samples, budget: Budget, seed: int, devi
     schedule = torch.optim.lr_scheduler.LambdaLR(
         optimiser, lambda step: 0.5 * (1 + math.cos(math.pi * min(step / budget.steps, 1.0)))
     )
-    # All draws and signs are moved before the first step: a GPU that waits for nothing takes a third of the time.
+    # All draws and signs are moved before the first step, so that no step of a GPU waits for them.
     chosen = torch.randint(len(samples), (budget.steps, BATCH), generator=generator).to(device)
     mirror = (torch.rand((budget.steps, BATCH), generator=generator) < MIRRORED_SHARE).to(device)
     signs = torch.from_numpy(MIRRORED_FLOW).to(device), torch.from_numpy(MIRRORED_MOTION).to(device)
