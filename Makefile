@@ -251,7 +251,7 @@ test-lowest: $(TOOLS)/.ready
 	PYTHONPATH=.:generator:reports $(OUT)/lowest/bin/python -m pytest -q -W default $(VERSION_TESTS)
 
 test-newest: $(TOOLS)/.ready
-	$(TOOLS)/bin/uv venv --quiet --clear --python 3.11 $(OUT)/newest
+	$(TOOLS)/bin/uv venv --quiet --clear --python 3.13 $(OUT)/newest
 	$(TOOLS)/bin/uv pip install --quiet --upgrade --resolution highest --python $(OUT)/newest/bin/python --requirements pyproject.toml \
 	  --extra reports pytest hypothesis filelock
 	PYTHONPATH=.:generator:reports $(OUT)/newest/bin/python -m pytest -q -W default $(VERSION_TESTS)

@@ -22,8 +22,9 @@ import fedora_qa.engine.processes  # noqa: E402
 import fedora_qa.engine.tasks  # noqa: E402, F401
 
 # The codec of images creates a lock that it never takes without threads. If each worker created its own, the tracker of
-# resources would warn of the lock of every worker that is ended.
-blosc.get_mutex()
+# resources would warn of the lock of every worker that is ended. Since numcodecs 0.17 it is no lock of processes.
+if hasattr(blosc, "get_mutex"):
+    blosc.get_mutex()
 
 # What Numba knows of functions and types: each worker would load it with its first compiled loop, in 0.25 s.
 cpu_target.target_context.refresh()
