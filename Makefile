@@ -120,9 +120,9 @@ power: export OMP_NUM_THREADS = 1
 power: export NUMBA_NUM_THREADS = 1
 power: $(READY)
 	@mkdir -p $(OUT)
-	$(BIN)/fedora-generate corpus -o $(OUT)/power-corpus $(POWER_CORPUS)
-	$(BIN)/fedora-generate corpus -o $(OUT)/power-late $(POWER_LATE)
-	$(BIN)/fedora-generate corpus -o $(OUT)/power-full-size $(POWER_FULL_SIZE)
+	$(BIN)/fedora-generate corpus --jobs $(JOBS) -o $(OUT)/power-corpus $(POWER_CORPUS)
+	$(BIN)/fedora-generate corpus --jobs $(JOBS) -o $(OUT)/power-late $(POWER_LATE)
+	$(BIN)/fedora-generate corpus --jobs $(JOBS) -o $(OUT)/power-full-size $(POWER_FULL_SIZE)
 	$(BIN)/fedora-qa power $(OUT)/power-corpus $(OUT)/power-late $(OUT)/power-full-size --jobs $(JOBS) \
 	  --json $(OUT)/power.json --html $(OUT)/power.html --markdown docs/power-tables.md --svg docs/power-tables.svg \
 	  --publish fedora_qa/power/published.json --publish-confidence fedora_qa/diagnosis/confidence.json
@@ -138,7 +138,7 @@ power-off-grid: export OMP_NUM_THREADS = 1
 power-off-grid: export NUMBA_NUM_THREADS = 1
 power-off-grid: $(READY)
 	@mkdir -p $(OUT)
-	$(BIN)/fedora-generate corpus -o $(OUT)/power-off-grid $(POWER_SCENES) --off-grid --clean 2 --trials 12 \
+	$(BIN)/fedora-generate corpus --jobs $(JOBS) -o $(OUT)/power-off-grid $(POWER_SCENES) --off-grid --clean 2 --trials 12 \
 	  --causes $(POWER_RANDOM) --size 180x136 --duration 0.5 --seed 7000
 	$(BIN)/fedora-qa power $(OUT)/power-off-grid --jobs $(JOBS) --json $(OUT)/power-off-grid.json \
 	  --markdown docs/power-off-grid.md --svg docs/power-off-grid.svg

@@ -157,6 +157,7 @@ def fault(**arguments: Any) -> None:
 @click.option("--deep-trials", default=60, show_default=True, type=click.IntRange(1, 10_000), help="How many.")
 @click.option("--spread", is_flag=True, help="Begin the sequences of a scene at different places of its flight.")
 @click.option("--off-grid", is_flag=True, help="Draw sizes, directions, times and regions of trials at random.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Files that are made at once.")
 @click.option("--dry-run", is_flag=True, help="Print what would be made, and make nothing.")
 @click.option("--force", is_flag=True, help="Write into a folder that holds something else.")
 def corpus(**arguments: Any) -> None:

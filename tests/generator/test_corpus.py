@@ -107,6 +107,19 @@ def test_the_same_arguments_give_the_same_bytes(corpus: Corpus, tmp_path: Path) 
     assert texts[0] == texts[1] != texts[2]
 
 
+def test_several_processes_write_the_same_bytes(corpus: Corpus, tmp_path: Path) -> None:
+    """Faults that two processes plant give the manifest of one process, byte for byte, also where one is skipped."""
+    arguments = ("--causes", "gyro_bias,pose:other_sequence", "--scenes", "park-day", "--clean", "1", "--ladder", "1")
+    assert corpus(tmp_path, *arguments).exit_code == 0
+    whole = (tmp_path / MANIFEST).read_bytes()
+    for item in manifest(tmp_path)["items"]:
+        if item["base"] is not None:
+            (tmp_path / item["file"]).unlink()
+    assert corpus(tmp_path, *arguments, "--jobs", "2").exit_code == 0
+    assert manifest(tmp_path)["skipped"]
+    assert (tmp_path / MANIFEST).read_bytes() == whole
+
+
 def test_a_composite_is_both_faults_one_after_the_other(corpus: Corpus, tmp_path: Path) -> None:
     """The file is, byte for byte, the second fault planted in a file with the first."""
     assert corpus(tmp_path / "c", "--causes", "events:time_offset,gyro_bias", "--clean", "1").exit_code == 0

@@ -1,9 +1,13 @@
 """Making a corpus file by file, each complete or absent, and the manifest last."""
 
 import shutil
+import signal
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -22,7 +26,7 @@ from fedora_generator.corpus.manifest import (
 from fedora_generator.corpus.plan import CorpusOptions, PlannedFault, PlannedFile, plan_corpus
 from fedora_generator.corpus.spread import start_span_s
 from fedora_generator.disk_space import expected_bytes, require_disk_space
-from fedora_generator.errors import OutputError
+from fedora_generator.errors import GeneratorError, OutputError
 from fedora_generator.faults import FaultError, plant_fault
 from fedora_generator.generate import Request, generate_sequence, require_free_flight
 from fedora_generator.instants import whole_us
@@ -33,7 +37,7 @@ from fedora_generator.scene import Scene
 _STEPS_PREFIX: Final = ".between-"
 
 Report = Callable[[int, int, str], None]
-"""Called with the number of files that are done, of those planned, and the name of the next."""
+"""Called with the number of files that are done, of those planned, and the name of the file that is made."""
 
 
 def build_corpus(
@@ -41,13 +45,14 @@ def build_corpus(
     options: CorpusOptions,
     scenes: tuple[Scene, ...],
     *,
+    jobs: int = 1,
     force: bool = False,
     report: Report = lambda *_: None,
 ) -> Path:
     """Write a corpus into a folder and return the path of its manifest.
 
     Complete files of an earlier run with the same arguments are kept. The same arguments give the same bytes of every
-    file and of the manifest.
+    file and of the manifest, with any number of jobs.
 
     Parameters
     ----------
@@ -57,6 +62,8 @@ def build_corpus(
         Which files it holds.
     scenes
         Scenes of the clean sequences.
+    jobs
+        Files that are made at once, each by a process of its own; 1: by this process.
     force
         Whether the folder may hold something else.
     report
@@ -70,6 +77,8 @@ def build_corpus(
         A flight meets its world, or the duration is impossible, or the size does not fit the memory.
     OutputError
         The folder holds something else and ``force`` is false, or the disk has too little room.
+    GeneratorError
+        A process ended abruptly. Files that were complete remain.
     """
     plan = plan_corpus(options, scenes)
     made_with = _made_with(options, scenes)
@@ -84,15 +93,17 @@ def build_corpus(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"Expected to be able to make the folder {folder}, got: {error.strerror}") from error
-    writer = _CorpusWriter(folder, options, {scene.name: scene for scene in scenes}, made_with, earlier)
-    for done, planned in enumerate(plan):
-        report(done, len(plan), planned.file)
-        writer.make(planned)
-        if planned.base is None:
-            sizes[planned.scene] = (folder / planned.file).stat().st_size
-            _require_disk_space(folder, missing_bytes(plan[done + 1 :], sizes, earlier))
+    maker = _FileMaker(folder, options, {scene.name: scene for scene in scenes}, earlier)
+    listing = _Listing(folder, plan, made_with, earlier)
+    # A fault is planted in a clean file, and a stream of another sequence comes from one.
+    for part in ([file for file in plan if file.base is None], [file for file in plan if file.base is not None]):
+        for planned, made in _in_turn(maker, part, listing, jobs, report):
+            listing.add(planned, made)
+            if planned.base is None:
+                sizes[planned.scene] = (folder / planned.file).stat().st_size
+                _require_disk_space(folder, missing_bytes(listing.missing(), sizes, earlier))
     report(len(plan), len(plan), MANIFEST)
-    return writer.finish()
+    return listing.finish()
 
 
 def _require_disk_space(folder: Path, needed_bytes: int) -> None:
@@ -100,7 +111,7 @@ def _require_disk_space(folder: Path, needed_bytes: int) -> None:
     require_disk_space(folder, needed_bytes, "the corpus", remedy)
 
 
-def missing_bytes(plan: tuple[PlannedFile, ...], sizes: dict[str, int], earlier: dict[str, Item]) -> int:
+def missing_bytes(plan: Sequence[PlannedFile], sizes: dict[str, int], earlier: dict[str, Item]) -> int:
     """Bytes of the planned files that an earlier run has not made.
 
     Parameters
@@ -149,65 +160,136 @@ def _earlier_items(folder: Path, made_with: Item, *, force: bool) -> dict[str, I
     return {}
 
 
-class _CorpusWriter:
-    """A corpus being made."""
+@dataclass(frozen=True, slots=True)
+class _Skipped:
+    """A fault that the data could not hold."""
 
-    def __init__(
-        self, folder: Path, options: CorpusOptions, scenes: dict[str, Scene], made_with: Item, earlier: dict[str, Item]
-    ) -> None:
-        self._folder = folder
-        self._options = options
-        self._scenes = scenes
-        self._made_with = made_with
-        self._earlier = earlier
-        self._items: dict[str, Item] = {}
-        self._skipped: list[Item] = []
-        for steps_of_a_killed_run in folder.glob(f"*/{_STEPS_PREFIX}*"):
-            shutil.rmtree(steps_of_a_killed_run)
-        self._list(PROGRESS)  # before the manifest goes, so that an interrupt loses neither
-        (folder / MANIFEST).unlink(missing_ok=True)
+    reason: str
 
-    def make(self, planned: PlannedFile) -> None:
-        """Make one file, unless it exists as planned; a fault that cannot be planted is skipped."""
-        path, earlier_item = self._folder / planned.file, self._earlier.get(planned.file)
-        if is_complete(planned, path, earlier_item):
-            self._items[planned.file] = dict(earlier_item or {})
-            return
+
+@dataclass(frozen=True, slots=True)
+class _FileMaker:
+    """What making any file of a corpus needs; it travels to the processes that make files."""
+
+    folder: Path
+    options: CorpusOptions
+    scenes: dict[str, Scene]
+    earlier: dict[str, Item]
+
+    def make(self, planned: PlannedFile, clean_sha256: str) -> Item | _Skipped:
+        """Make one file, unless it exists as planned, and return its item.
+
+        Parameters
+        ----------
+        planned
+            The file.
+        clean_sha256
+            Digest of the clean file that its faults are planted in; empty for a clean one.
+        """
+        path, earlier_item = self.folder / planned.file, self.earlier.get(planned.file)
+        if earlier_item is not None and is_complete(planned, path, earlier_item):
+            return earlier_item
         path.unlink(missing_ok=True)
         path.parent.mkdir(exist_ok=True)
         try:
             if planned.base is None:
-                request = Request(duration_s=self._options.duration_s, quality=self._options.quality)
-                scene = replace(self._scenes[planned.scene], seed=planned.seed)
+                request = Request(duration_s=self.options.duration_s, quality=self.options.quality)
+                scene = replace(self.scenes[planned.scene], seed=planned.seed)
                 if planned.start_s is not None:
                     scene = scene.starting_at(planned.start_s)
                 generate_sequence(scene, path, request, overwrite=True)
             else:
-                plant_together(self._folder / planned.base, path, planned.faults, self._folder)
-                if digest_of(path) == self._items[planned.base]["sha256"]:
+                plant_together(self.folder / planned.base, path, planned.faults, self.folder)
+                if digest_of(path) == clean_sha256:
                     path.unlink()
                     raise FaultError(
                         "Expected a fault that changes the file, got one that changes nothing in this sequence"
                     )
         except FaultError as error:
             # The folder's own path is left out, so that the manifest is the same wherever the corpus lies.
-            reason = str(error).replace(f"{self._folder}/", "")
-            self._skipped.append({"file": planned.file, "reason": reason})
-            return
-        self._items[planned.file] = item_of(planned, path)
-        self._list(PROGRESS)
+            return _Skipped(str(error).replace(f"{self.folder}/", ""))
+        return item_of(planned, path)
+
+
+class _Listing:
+    """The manifest of a corpus that is being made."""
+
+    def __init__(self, folder: Path, plan: tuple[PlannedFile, ...], made_with: Item, earlier: dict[str, Item]) -> None:
+        self._folder = folder
+        self._plan = plan
+        self._made_with = made_with
+        self._earlier = earlier
+        self._made: dict[str, Item | _Skipped] = {}
+        for steps_of_a_killed_run in folder.glob(f"*/{_STEPS_PREFIX}*"):
+            shutil.rmtree(steps_of_a_killed_run)
+        self._write(PROGRESS, earlier)  # before the manifest goes, so that an interrupt loses neither
+        (folder / MANIFEST).unlink(missing_ok=True)
+
+    @property
+    def done(self) -> int:
+        """Number of files that were made or skipped."""
+        return len(self._made)
+
+    def missing(self) -> list[PlannedFile]:
+        """Return the planned files that were neither made nor skipped."""
+        return [planned for planned in self._plan if planned.file not in self._made]
+
+    def clean_sha256(self, planned: PlannedFile) -> str:
+        """Return the digest of the clean file that faults are planted in; empty for a clean one."""
+        made = self._made[planned.base] if planned.base is not None else {"sha256": ""}
+        return "" if isinstance(made, _Skipped) else str(made["sha256"])
+
+    def add(self, planned: PlannedFile, made: Item | _Skipped) -> None:
+        """Add a file."""
+        self._made[planned.file] = made
+        self._write(PROGRESS, self._earlier)
 
     def finish(self) -> Path:
         """Write the manifest, which completes the corpus, and return its path."""
         path = self._folder / MANIFEST
-        self._earlier = {}
-        self._list(MANIFEST)
+        self._write(MANIFEST, {})
         (self._folder / PROGRESS).unlink(missing_ok=True)
         return path
 
-    def _list(self, name: str) -> None:
-        items = self._earlier | self._items
-        write_listing(self._folder / name, self._made_with, items.values(), self._skipped)
+    def _write(self, name: str, earlier: dict[str, Item]) -> None:
+        # In the order of the plan, in whatever order processes end.
+        made = {planned.file: self._made[planned.file] for planned in self._plan if planned.file in self._made}
+        items = earlier | {file: item for file, item in made.items() if not isinstance(item, _Skipped)}
+        skipped = [{"file": file, "reason": item.reason} for file, item in made.items() if isinstance(item, _Skipped)]
+        write_listing(self._folder / name, self._made_with, items.values(), skipped)
+
+
+def _in_turn(
+    maker: _FileMaker, files: Sequence[PlannedFile], listing: _Listing, jobs: int, report: Report
+) -> Iterator[tuple[PlannedFile, Item | _Skipped]]:
+    """Make files that do not need each other, and yield each as it is complete.
+
+    Raises
+    ------
+    GeneratorError
+        A process ended abruptly.
+    """
+    total = listing.done + len(listing.missing())
+    if jobs == 1:
+        for planned in files:
+            report(listing.done, total, planned.file)
+            yield planned, maker.make(planned, listing.clean_sha256(planned))
+        return
+    # This process handles the interrupt: no further file is begun, and those that are being made are completed.
+    ignore = (signal.SIGINT, signal.SIG_IGN)
+    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=signal.signal, initargs=ignore) as pool:
+        try:
+            work = {pool.submit(maker.make, planned, listing.clean_sha256(planned)): planned for planned in files}
+            for complete in as_completed(work):
+                report(listing.done, total, work[complete].file)
+                yield work[complete], complete.result()
+        except BrokenProcessPool:
+            raise GeneratorError(
+                "Expected every process to end by itself, one ended abruptly (out of memory?); "
+                "run again, with fewer --jobs, to go on where it was"
+            ) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def plant_together(base: Path, target: Path, faults: tuple[PlannedFault, ...], donors: Path) -> None:

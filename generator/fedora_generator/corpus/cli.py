@@ -29,6 +29,7 @@ def run_corpus(
     deep_trials: int,
     spread: bool,
     off_grid: bool,
+    jobs: int,
     dry_run: bool,
     force: bool,
 ) -> None:
@@ -77,6 +78,7 @@ def run_corpus(
             folder,
             options,
             selected_scenes,
+            jobs=jobs,
             force=force,
             report=lambda done, planned, file: bar.update(task, completed=done, total=planned, description=file),
         )
