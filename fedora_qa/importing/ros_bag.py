@@ -16,7 +16,7 @@ from fedora_qa.importing.ros_messages import EVENT_ARRAYS, READERS, UnreadableMe
 from fedora_qa.importing.ros_topics import DEFAULT_TOPICS, TopicMap, choose_topics
 
 if TYPE_CHECKING:
-    from rosbags.highlevel import AnyReader
+    from rosbags.rosbag2 import Reader
 
 _TOPICS_SHOWN = 8
 
@@ -43,8 +43,7 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
         The package is not installed, the bag cannot be read, or it has none of the topics.
     """
     try:
-        from rosbags.highlevel import AnyReader  # noqa: PLC0415 - an extra
-        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+        from rosbags.rosbag2 import Reader  # noqa: PLC0415 - an extra
     except ImportError as missing:
         raise MisuseError(
             f"Expected what reads bags, got: {missing}; install it with pip install 'fedora-qa[bags]'"
@@ -55,10 +54,7 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
             if path.is_file() and path.suffix == ".bag":
                 bag = _Ros1(opened.enter_context(Ros1Bag(path)))
             else:
-                # Bags of ROS 2 before 2023 hold no definitions; those of the types read have not changed since.
-                bag = _Ros2(
-                    opened.enter_context(AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)))
-                )
+                bag = _Ros2(opened.enter_context(Reader(path)))
         chosen = choose_topics(topics or DEFAULT_TOPICS, bag.types)
         if not chosen:
             names = sorted(bag.types)
@@ -146,22 +142,30 @@ class _Ros1:
 
 
 class _Ros2:
-    def __init__(self, bag: "AnyReader") -> None:
-        self.format = "ROS 2 bag" if bag.is2 else "ROS 1 bag"
-        self.is_cdr = bag.is2
+    format = "ROS 2 bag"
+    is_cdr = True
+
+    def __init__(self, bag: "Reader") -> None:
         self._bag = bag
         self.types = _types((each.topic, each.msgtype) for each in bag.connections)
+        self._store: Any = None
 
     def message_count(self, topics: Collection[str]) -> int:
         return sum(each.msgcount for each in self._bag.connections if each.topic in topics)
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, str, bytes | memoryview]]:
         connections = [each for each in self._bag.connections if each.topic in topics]
-        for connection, _, raw in self._bag.messages(connections=connections):
+        for connection, _, raw in self._bag.messages(connections):
             yield connection.topic, connection.msgtype, raw
 
     def deserialised(self, raw: bytes, type_name: str) -> Any:
-        return self._bag.deserialize(raw, type_name)
+        if self._store is None:
+            from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - an extra
+
+            # Not the definitions of the bag: bags before 2023 hold none, others hold IDL that includes files they lack.
+            # Those of the types read are the same in every release of ROS 2.
+            self._store = get_typestore(Stores.ROS2_HUMBLE)
+        return self._store.deserialize_cdr(raw, type_name)
 
 
 def _types(topics: Iterable[tuple[str, str]]) -> dict[str, set[str]]:

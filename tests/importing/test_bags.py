@@ -99,6 +99,16 @@ def test_poses(form: str, kind: str, tmp_path: Path) -> None:
         np.testing.assert_array_equal(file["path/pose/orientation"], [[0.0, 0.6, 0.0, 0.8]])
 
 
+@pytest.mark.parametrize("form", FORMS[1:])
+def test_a_definition_that_cannot_be_parsed(form: str, tmp_path: Path) -> None:
+    """Recorders may state types in IDL that includes files which the bag lacks: the types read need no definition."""
+    bag = Bag(form, f'{"=" * 80}\nIDL: event_camera_msgs/msg/EventPacket\n#include "std_msgs/msg/Header.idl"\n')
+    bag.add_events(EVENTS)
+    bag.add_imu(0, (0.1, 0.2, 0.3), (1.0, 2.0, 9.8))
+    assert imported(bag.write(tmp_path), tmp_path / "out.h5").rows == {"events": len(EVENTS), "imu": 1}
+    assert events_of(tmp_path / "out.h5") == EVENTS
+
+
 @pytest.mark.parametrize(
     ("encoding", "channels", "order"), [("rgb8", 3, [0, 1, 2]), ("bgra8", 4, [2, 1, 0]), ("mono8", 1, [0, 0, 0])]
 )
@@ -191,7 +201,7 @@ def test_refused(fill, part: str, form: str, tmp_path: Path) -> None:  # type: i
 def test_without_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The sentence names the extra."""
     source = flight("ros1").write(tmp_path)
-    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     with pytest.raises(MisuseError, match=r"pip install 'fedora-qa\[bags\]'"):
         imported(source, tmp_path / "out.h5")
 

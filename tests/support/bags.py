@@ -25,8 +25,10 @@ FORMS = ("ros1", "sqlite", "mcap")
 class Bag:
     """Messages of one version of ROS, and the topics that they are written to."""
 
-    def __init__(self, form: str) -> None:
+    def __init__(self, form: str, definition: str | None = None) -> None:
+        """``definition`` is stated for every message of ROS 2; None: that of its type."""
         self.form = form
+        self.definition = definition
         self.store = get_typestore(Stores.ROS1_NOETIC if form == "ros1" else Stores.ROS2_HUMBLE)
         self.messages: list[tuple[str, str, int, Any]] = []
         event = EVENT if form == "ros1" else EVENT.replace("time ts", "builtin_interfaces/Time ts")
@@ -105,7 +107,8 @@ class Bag:
             topics: dict[str, Any] = {}
             for topic, kind, received_ns, message in sorted(self.messages, key=lambda each: each[2]):
                 if topic not in topics:
-                    topics[topic] = writer.add_connection(topic, kind, typestore=self.store)
+                    own = {"msgdef": self.definition, "rihs01": f"RIHS01_{0:064}"} if self.definition else {}
+                    topics[topic] = writer.add_connection(topic, kind, **(own or {"typestore": self.store}))
                 serialise = self.store.serialize_ros1 if self.form == "ros1" else self.store.serialize_cdr
                 writer.write(topics[topic], received_ns, serialise(message, kind))
         return path
