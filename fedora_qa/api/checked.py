@@ -98,7 +98,7 @@ class CheckedRecord(Record):
 
 def with_arrays(record: Record, arrays: Mapping[str, NDArray[Any]]) -> CheckedRecord:
     """Return a record with the arrays that lie beside it."""
-    return CheckedRecord(**{each.name: getattr(record, each.name) for each in fields(record)}, arrays=arrays)
+    return CheckedRecord(**{each.name: getattr(record, each.name) for each in fields(record)}, arrays=dict(arrays))
 
 
 def frame_of(table: Table) -> "pd.DataFrame":

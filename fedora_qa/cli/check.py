@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from fedora_qa.cli.array_store import ArrayStore
 from fedora_qa.cli.check_all import Request, check_all, executor_for
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.outputs import Outputs
@@ -54,7 +55,8 @@ def run_check(
     # Read before the executor is closed: afterwards a cluster has no workers to count.
     jobs = executor.capacity
     began = click.get_current_context().meta.get(START_TIME)
-    runs = check_all(files, Request(settings, options, started, stored, began), executor)
+    aside = ArrayStore() if len(files) > 1 else None
+    runs = check_all(files, Request(settings, options, started, stored, began, aside), executor)
     workers = {"peak_worker_memory_mib": executor.peak_memory_mib} if executor.peak_memory_mib else {}
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})
     record = with_budget(record, budget) if budget else record

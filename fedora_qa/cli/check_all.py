@@ -8,6 +8,7 @@ from typing import Final
 import click
 
 from fedora_qa.check_names import selected_explanations
+from fedora_qa.cli.array_store import ArrayStore
 from fedora_qa.cli.compiling import compile_for
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.progress import files_progress
@@ -33,13 +34,24 @@ _UNCHANGED_QUESTION: Final = "Did the file stay as it was while it was checked?"
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """How files are to be checked; ``began`` is the start of the command, s on ``time.monotonic``, for a budget."""
+    """How files are to be checked.
+
+    Attributes
+    ----------
+    stored
+        Where runs are stored for another command; None: nowhere.
+    began
+        Start of the command, s on ``time.monotonic``, for a budget.
+    aside
+        Where evidence is put while other files are checked; None: it stays in memory.
+    """
 
     settings: CheckConfig
     options: CheckOptions
     started: str
     stored: ResumeFolder | None = None
     began: float | None = None
+    aside: ArrayStore | None = None
 
 
 def executor_for(settings: CheckConfig, dask: str | None = None, *, in_process: bool = False) -> Executor:
@@ -72,9 +84,13 @@ def executor_for(settings: CheckConfig, dask: str | None = None, *, in_process: 
 
 def check_all(files: Sequence[Place], request: Request, executor: Executor) -> list[FileRun]:
     """Check the files except those whose run is stored, and return the runs of all files in their order."""
-    stored, required = request.stored, request.settings.required_coverage
+    stored, required, aside = request.stored, request.settings.required_coverage, request.aside
+
+    def put_aside(run: FileRun) -> FileRun:
+        return replace(run, arrays=aside.put(run.arrays)) if aside else run
+
     stored_runs = {path: stored.stored_run(path) for path in files} if stored else {}
-    runs = {path: run for path, stored_run in stored_runs.items() if (run := stored_run.load()) is not None}
+    runs = {path: put_aside(run) for path, stored_run in stored_runs.items() if (run := stored_run.load()) is not None}
     missing = [path for path in files if path not in runs]
     # All versions before any reading: a file that changes while others are checked is detected as well.
     versions = {path: local_version_of(path) for path in missing}
@@ -88,7 +104,7 @@ def check_all(files: Sequence[Place], request: Request, executor: Executor) -> l
             with files_progress(file_count=len(runs)) as report:
                 for path, run in check_files(missing, request.options, executor, report, request.began):
                     record = incomplete_if_changed(run.record, path, versions[path])
-                    runs[path] = replace(run, record=with_required_coverage(record, required))
+                    runs[path] = put_aside(replace(run, record=with_required_coverage(record, required)))
                     # The record of an unchanged file is the same object; the run of a changed file is not stored.
                     if stored and record is run.record:
                         stored_runs[path].store(runs[path], request.started)

@@ -1,6 +1,6 @@
 """Documents that commands write: each into a file, or at most one on stdout, alone."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,9 +37,10 @@ def document_paths(form: str | None, paths: Mapping[str, Path | None]) -> dict[s
     return whole
 
 
-def write_document(target: Path, content: str) -> None:
-    """Write a document entirely or not at all, in UTF-8; on stdout whatever the encoding of the terminal is."""
+def write_document(target: Path, content: str | Iterable[str]) -> None:
+    """Write a document, or the parts of one, entirely or not at all, in UTF-8; on stdout whatever its encoding is."""
     if target == STDOUT:
+        content = "".join(content)
         click.echo(content.encode(), nl=not content.endswith("\n"))
     else:
         write_text(target, content)

@@ -9,6 +9,7 @@ from typing import Any
 import click
 from numpy.typing import NDArray
 
+from fedora_qa.cli.array_store import ArrayStore
 from fedora_qa.cli.check_all import Request, check_all, executor_for
 from fedora_qa.cli.exit_codes import CLEAN, exit_code
 from fedora_qa.cli.outputs import Outputs
@@ -175,7 +176,8 @@ def gate_release(
     executor = executor_for(settings, dask, in_process=in_process)
     # Read before the executor is closed: afterwards it has no workers to count.
     jobs = executor.capacity
-    runs = check_all(paths, Request(settings, options, started), executor)
+    aside = ArrayStore() if evidence else None
+    runs = check_all(paths, Request(settings, options, started, aside=aside), executor)
     workers = {"peak_worker_memory_mib": executor.peak_memory_mib} if executor.peak_memory_mib else {}
     facts = {"jobs": jobs, **workers}
     # A second executor: `check_all` has closed the first one.

@@ -18,7 +18,7 @@ from fedora_qa.cli.rule_help import rule_helps
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.badge import record_to_badge
 from fedora_qa.record.csv_tables import CSV_NAMES, record_to_csv
-from fedora_qa.record.json_io import record_to_json
+from fedora_qa.record.json_io import record_parts
 from fedora_qa.record.junit import record_to_junit
 from fedora_qa.record.markdown import record_to_markdown
 from fedora_qa.record.sarif import record_to_sarif
@@ -115,7 +115,7 @@ class Outputs:
         if self.json:
             # No arrays lie beside a record on stdout.
             kept = record if self.arrays else replace(record, files=tuple(map(_without_evidence, record.files)))
-            write_document(self.json, record_to_json(kept))
+            write_document(self.json, record_parts(kept))
         if self.markdown:
             write_document(self.markdown, record_to_markdown(record))
         if self.junit:

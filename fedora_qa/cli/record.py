@@ -1,8 +1,10 @@
 """Make one record of the runs over files, and the arrays beside it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
+
+from numpy.typing import NDArray
 
 from fedora_qa import __version__
 from fedora_qa.cli.host import host_facts, peak_memory_mib
@@ -55,13 +57,35 @@ def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, fact
     )
 
 
-def evidence_arrays(runs: Sequence[FileRun]) -> dict[str, Any]:
+def evidence_arrays(runs: Sequence[FileRun]) -> Mapping[str, NDArray[Any]]:
     """Return the evidence of all files, under the names that the record uses."""
-    return {
-        f"{prefix}{name}": array
-        for prefix, run in zip(_prefixes(runs), runs, strict=True)
-        for name, array in run.arrays.items()
-    }
+    return _ArraysOfRuns(
+        {
+            f"{prefix}{name}": (run, name)
+            for prefix, run in zip(_prefixes(runs), runs, strict=True)
+            for name in run.arrays
+        }
+    )
+
+
+class _ArraysOfRuns(Mapping[str, NDArray[Any]]):
+    """Arrays of several runs, each of which may read its own from a file when asked for."""
+
+    def __init__(self, runs: Mapping[str, tuple[FileRun, str]]) -> None:
+        self._runs = runs
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        run, own_name = self._runs[name]
+        return run.arrays[own_name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._runs
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._runs)
+
+    def __len__(self) -> int:
+        return len(self._runs)
 
 
 def _prefixes(runs: Sequence[FileRun]) -> list[str]:

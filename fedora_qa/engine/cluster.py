@@ -6,7 +6,9 @@ A task whose worker dies is given to another by the cluster itself, and is lost 
 
 import socket
 import time
+from collections.abc import Iterator
 from concurrent.futures import Future
+from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cache
 from types import TracebackType
@@ -38,10 +40,12 @@ class _Remote(Kept):
 
     _: KW_ONLY
     future: Any
+    address: str
 
     def load(self) -> Any:
-        """Return the value."""
-        return self.future.result().load()
+        """Return the value; raises as ``_errors_of_cluster``."""
+        with _errors_of_cluster(self.address):
+            return self.future.result().load()
 
     def discard(self) -> None:
         """Let the worker drop it."""
@@ -143,14 +147,24 @@ class DaskExecutor:
         self._remote.pop(future, None)
         try:
             stays = keeps_result and remote.status == "finished"
-            future.set_result(_Remote(future=remote) if stays else remote.result())
-        # Raised after ``allowed-failures`` deaths: the cluster itself has tried other workers before.
-        except self._distributed.KilledWorker as death:
-            future.set_exception(WorkerLostError(f"Expected a worker to end its task, got: {death}"))
-        except self._distributed.CancelledError:
-            future.set_exception(FedoraError(f"Expected the Dask scheduler at {self._address} to stay, got its end"))
+            with _errors_of_cluster(self._address):
+                future.set_result(_Remote(future=remote, address=self._address) if stays else remote.result())
         except Exception as error:  # noqa: BLE001 - raised where the result is requested
             future.set_exception(error)
+
+
+@contextmanager
+def _errors_of_cluster(address: str) -> Iterator[None]:
+    """Raise ``WorkerLostError`` where a task has ended its workers, and ``FedoraError`` where the scheduler is gone."""
+    from distributed import CancelledError, KilledWorker  # noqa: PLC0415 - an extra
+
+    try:
+        yield
+    # Raised after ``allowed-failures`` deaths: the cluster itself has tried other workers before.
+    except KilledWorker as death:
+        raise WorkerLostError(f"Expected a worker to end its task, got: {death}") from death
+    except CancelledError as end:
+        raise FedoraError(f"Expected the Dask scheduler at {address} to stay, got its end") from end
 
 
 def do_if_same_code(code: str, task: Task, arguments: tuple[Any, ...]) -> Any:

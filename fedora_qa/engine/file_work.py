@@ -64,7 +64,9 @@ class FileWork:
     ready
         Steps that can begin at once; windows of the work queue are not among them.
     run
-        None until the file is done.
+        None until the file is done, and once it was handed over.
+    is_done
+        Whether there is, or was, a run.
     """
 
     def __init__(
@@ -80,6 +82,7 @@ class FileWork:
         self.bytes = size
         self.ready: deque[WorkStep] = deque()
         self.run: FileRun | None = None
+        self.is_done = False
         self.windows = 0
         # Absolute, because workers may have another working directory.
         self._of_file = (path.absolute(), checks, options)
@@ -93,6 +96,7 @@ class FileWork:
         self._settled = 0
         self._reported: dict[int, int] = {}
         self._survey: Survey | None = None
+        self._kept_survey = Kept()
         self._work_queue = WorkQueue(0, workers)
         begin = self._do_in_one if workers == 1 else self._do_in_steps
         test = opening_test(path, options.dialect, options.allow_external)
@@ -110,6 +114,19 @@ class FileWork:
             return None
         return self._measuring(survey, windows, when_lost=partial(self._each_alone, survey, windows))
 
+    def hand_over(self) -> FileRun:
+        """Return the run and forget it: of thousands of files, no evidence lies here any longer.
+
+        Raises
+        ------
+        ValueError
+            The file is not done, or its run was handed over before.
+        """
+        run, self.run = self.run, None
+        if run is None:
+            raise ValueError(f"Expected the run of {self.path}, got none; wait until the file is done")
+        return run
+
     @property
     def windows_done(self) -> int:
         """How many windows have been measured, or lost, as far as progress was reported."""
@@ -119,7 +136,7 @@ class FileWork:
     @property
     def share_done(self) -> float:
         """Share of the work that is done: each window counts as one, and so does judgement."""
-        return 1.0 if self.run else self.windows_done / (self.windows + 1)
+        return 1.0 if self.is_done else self.windows_done / (self.windows + 1)
 
     def _do_in_one(self) -> None:
         """Make the whole file one step for one process; where that process dies, go on step by step."""
@@ -134,7 +151,8 @@ class FileWork:
 
     def _do_in_steps(self) -> None:
         self._reported.clear()
-        self._do(_OPENED, Task(SURVEY_FILE, self._of_file), self._surveyed)
+        # The survey stays where the tasks are done, which all need it: hundreds of kilobytes for an hour of poses.
+        self._do(_OPENED, Task(SURVEY_FILE, self._of_file, keeps_result=True), self._surveyed)
 
     def _do(
         self,
@@ -149,9 +167,11 @@ class FileWork:
         self.ready.append(replace(once, when_lost=partial(self.ready.append, once)))
 
     def _give_up(self, doing: str, end: str) -> None:
-        self.run = lost_file(self.path, self._checks, self._options, doing, end)
+        self._end(lost_file(self.path, self._checks, self._options, doing, end))
 
-    def _surveyed(self, survey: "Survey | FileRun") -> None:
+    def _surveyed(self, kept: Kept) -> None:
+        survey: Survey | FileRun = kept.load()
+        self._kept_survey = kept
         if isinstance(survey, FileRun):
             self._finished(survey)
             return
@@ -187,7 +207,7 @@ class FileWork:
             when_lost()
 
         numbers = [survey.windows[place] for place in windows]
-        arguments = (survey, numbers, "planned", before.states if before else None)
+        arguments = (self._kept_survey, numbers, "planned", before.states if before else None)
         task = Task(MEASURE_WINDOWS, arguments, keeps_result=True)
         return WorkStep(task, tell, measured, lost)
 
@@ -210,15 +230,20 @@ class FileWork:
         if self._settled == self.windows:
             lost = [survey.windows[place] for place in sorted(self._lost)]
             parts = [part.states for _, part in sorted(self._parts.items())]
-            self._do("being judged", Task(FINISH_FILE, (survey, parts, lost)), self._finished)
+            self._do("being judged", Task(FINISH_FILE, (self._kept_survey, parts, lost)), self._finished)
 
     def _finished(self, run: FileRun) -> None:
         # Tasks carry the absolute path; the record states the path that was given.
-        self.run = replace(run, record=replace(run.record, path=str(self.path)))
+        self._end(replace(run, record=replace(run.record, path=str(self.path))))
+
+    def _end(self, run: FileRun) -> None:
+        """Set the run, and drop all that its tasks have needed."""
+        self.run, self.is_done = run, True
         for part in self._parts.values():
             part.states.discard()
         self._parts.clear()
-        self._survey = None
+        self._kept_survey.discard()
+        self._survey, self._kept_survey = None, Kept()
         self._reported = {0: self.windows}
 
     def _tell(self, what: str, done: int, of: int) -> None:

@@ -79,7 +79,7 @@ def check_files(
         report(
             ProgressTally(
                 doing=doing,
-                files_done=sum(work.run is not None for work in works),
+                files_done=sum(work.is_done for work in works),
                 files=len(works),
                 windows_done=sum(work.windows_done for work in works),
                 windows=sum(work.windows for work in works),
@@ -106,16 +106,15 @@ def check_files(
         for future in done:
             step, _ = running.pop(future)
             try:
-                result = future.result()
+                # Also what follows may need a worker, that keeps the result.
+                step.then(future.result())
             except EndlessError:
                 (step.when_endless or step.when_lost)()
             except WorkerLostError:
                 step.when_lost()
-            else:
-                step.then(result)
         # A copy, as files that are done leave the list.
         for work in tuple(waiting):
-            if work.run:
+            if work.is_done:
                 waiting.remove(work)
                 tell(f"{work.path.name}: done")
-                yield work.path, work.run
+                yield work.path, work.hand_over()

@@ -58,17 +58,20 @@ def survey_file(path: Place, checks: Asked, options: CheckOptions, worker: Worke
 
 
 def measure_windows(
-    survey: Survey, windows: Sequence[int], audience: Audience, before: Kept | None, worker: Worker
+    survey: Survey | Kept, windows: Sequence[int], audience: Audience, before: Kept | None, worker: Worker
 ) -> PassState:
     """Measure windows of a file, by their numbers on its grid.
 
     Parameters
     ----------
+    survey
+        Of the file, or where it is kept.
     audience
         Who gets them.
     before
         The pass over the windows just before them, which is extended; None for a new pass.
     """
+    survey = _loaded(survey)
     with worker.open_file.opened(survey) as file:
         states = measure_open(survey, file, windows, worker.progress, audience, before.load() if before else None)
         # A file behind a URL is opened for each task alone, so that this counts no request twice.
@@ -103,14 +106,20 @@ def measure_open(
     )
 
 
-def finish_file(survey: Survey, parts: Sequence[Kept], lost: Sequence[int], worker: Worker) -> FileRun:
+def finish_file(survey: Survey | Kept, parts: Sequence[Kept], lost: Sequence[int], worker: Worker) -> FileRun:
     """Judge a file by the passes over its batches of windows, in the order of time, and the numbers of lost windows."""
+    survey = _loaded(survey)
     with worker.open_file.opened(survey) as file:
         # Decoded rows make place for the states of all workers, which are merged here.
         file.ready.decoder.leases.forget()
         run = assemble(survey, file, (part.load() for part in parts), lost, worker.progress)
     worker.open_file.close()
     return run
+
+
+def _loaded(survey: Survey | Kept) -> Survey:
+    loaded: Survey = survey.load() if isinstance(survey, Kept) else survey
+    return loaded
 
 
 def traffic_of(parts: Sequence[Kept], _: Worker) -> Traffic:

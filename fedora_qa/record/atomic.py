@@ -1,7 +1,7 @@
 """Write a file entirely or not at all."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkstemp
@@ -41,7 +41,7 @@ def staging_path(target: Path) -> Iterator[Path]:
         yield Path(folder) / target.name
 
 
-def write_text(target: Path, text: str) -> None:
-    """Write UTF-8 text entirely or not at all."""
-    with replacing(target) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+def write_text(target: Path, text: str | Iterable[str]) -> None:
+    """Write UTF-8 text, or the parts of one, entirely or not at all."""
+    with replacing(target) as temporary, temporary.open("w", encoding="utf-8") as file:
+        file.writelines([text] if isinstance(text, str) else text)

@@ -61,12 +61,7 @@ class DocumentKind(Generic[T]):
         ValidationError
             The value holds what its types do not allow; such a document would not be readable again.
         """
-        # Without warnings of types: the validation below raises for the same ones.
-        plain = _plain(self.adapter.dump_python(value, warnings="none"))
-        text = json.dumps(plain, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
-        # A wrong type is an error of the writer and must be raised here, not when the document is read.
-        self.adapter.validate_json(text)
-        return text
+        return json_text(value, self.adapter)
 
     def from_json(self, text: str | bytes) -> T:
         """Return the value that a JSON document holds.
@@ -105,6 +100,16 @@ class DocumentKind(Generic[T]):
     def schema(self) -> dict[str, Any]:
         """Return the JSON schema (draft 2020-12) of a document as it is written."""
         return schema_of(f"{self.name}:{self.version}", self.adapter, "serialization")
+
+
+def json_text(value: T, adapter: TypeAdapter[T]) -> str:
+    """Return a value as the JSON of a document; parameters and errors are those of ``DocumentKind``."""
+    # Without warnings of types: the validation below raises for the same ones.
+    plain = _plain(adapter.dump_python(value, warnings="none"))
+    text = json.dumps(plain, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    # A wrong type is an error of the writer and must be raised here, not when the document is read.
+    adapter.validate_json(text)
+    return text
 
 
 def schema_of(urn: str, adapter: TypeAdapter[Any], mode: Literal["validation", "serialization"]) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The same tasks on a Dask cluster of separate processes, some of which die."""
 
+import gc
 import os
 import signal
 import sys
@@ -17,6 +18,7 @@ from fedora_qa.engine.executor import InProcess, Task
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet
+from fedora_qa.engine.survey import Survey
 from fedora_qa.engine.tasks import measure_windows, survey_file
 from fedora_qa.errors import FedoraError, MisuseError, WorkerLostError
 from tests.support import tasks
@@ -93,6 +95,19 @@ def test_what_windows_have_shown_stays_with_workers(address: str, park_day: Path
         both = measured(others, first)
         first.discard()
         assert both.load().states["test.counts"] == [0, *others] != [0]
+
+
+def test_nothing_of_a_file_that_is_done_is_kept(address: str, tmp_path: Path) -> None:
+    """Neither command nor scheduler, both in this process, hold surveys or runs; Dask logs its last 1000 messages."""
+    paths = [write_handmade(tmp_path / f"{number}.h5") for number in range(6)]
+    with DaskExecutor(address) as executor:
+        for _ in check_files(paths, CheckOptions(evidence=None), executor, lambda tally: None, checks=(Counts(),)):
+            pass
+        gc.collect()
+        places = [each.path for each in gc.get_objects() if isinstance(each, Survey)]
+        places += [Path(each.record.path) for each in gc.get_objects() if isinstance(each, FileRun)]
+        # That of the file that was done last is still referred to here.
+        assert len(set(places) & set(paths)) <= 1
 
 
 def test_other_code_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:

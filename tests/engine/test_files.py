@@ -1,5 +1,6 @@
 """Files are checked at once and in parts: what is found does not depend on it, and a death costs what it interrupts."""
 
+import gc
 from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import replace
@@ -193,6 +194,20 @@ def test_memory_is_shared(handmade: Path) -> None:
         seen.clear()
         only_run(handmade, Looks(), CheckOptions(evidence=None, memory_bytes=memory_bytes))
         assert [options.memory_bytes for options in seen] == [share]
+
+
+@pytest.mark.usefixtures("counting")
+def test_runs_are_handed_over(tmp_path: Path) -> None:
+    """Whoever drops the runs as they come holds no more than workers end at once."""
+    paths = [write_handmade(tmp_path / f"{number}.h5") for number in range(6)]
+    alive = []
+    for _, run in check_files(paths, CheckOptions(evidence=None), Travels(), lambda tally: None):
+        del run
+        gc.collect()
+        runs = [each.record.path for each in gc.get_objects() if isinstance(each, FileRun)]
+        alive.append(sum(str(path) in runs for path in paths))
+    assert len(alive) == 6
+    assert max(alive) <= Travels.capacity
 
 
 @pytest.mark.usefixtures("counting")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.record.json_io import read_record, record_from_json, record_to_json, write_record
+from fedora_qa.record.json_io import RECORD, read_record, record_from_json, record_parts, record_to_json, write_record
 from fedora_qa.record.types import FileRecord, Finding, Measurement, Where
 from tests.support.records import crashed, failed, file_record, passed, record
 
@@ -32,6 +33,28 @@ def test_round_trip_through_a_file(tmp_path: Path) -> None:
     write_record(written, tmp_path / "record.json")
     assert read_record(tmp_path / "record.json") == written
     assert [path.name for path in tmp_path.iterdir()] == ["record.json"]
+
+
+def test_parts_are_the_document() -> None:
+    """A record is written a file at a time, as the whole would be: three files, one, and none."""
+    for count in (3, 1, 0):
+        files = tuple(file_record(failed(), crashed(), path='a "files": [] \n b') for _ in range(count))
+        written = replace(record(), files=files)
+        assert record_to_json(written) == RECORD.to_json(written)
+        assert len(list(record_parts(written))) == (count + 2 if count else 1)
+
+
+def test_memory_of_writing_does_not_grow_with_files() -> None:
+    """Plain values exist of one file at a time."""
+    peaks = []
+    for count in (2, 40):
+        written = record(*[file_record(*[failed()] * 50)] * count)
+        tracemalloc.start()
+        for _ in record_parts(written):
+            pass
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.2 * peaks[0]
 
 
 @given(st.floats())

@@ -107,8 +107,10 @@ class Bag:
             topics: dict[str, Any] = {}
             for topic, kind, received_ns, message in sorted(self.messages, key=lambda each: each[2]):
                 if topic not in topics:
-                    own = {"msgdef": self.definition, "rihs01": f"RIHS01_{0:064}"} if self.definition else {}
-                    topics[topic] = writer.add_connection(topic, kind, **(own or {"typestore": self.store}))
+                    definition: dict[str, Any] = {"typestore": self.store}
+                    if self.definition:
+                        definition = {"msgdef": self.definition, "rihs01": f"RIHS01_{0:064}"}
+                    topics[topic] = writer.add_connection(topic, kind, **definition)
                 serialise = self.store.serialize_ros1 if self.form == "ros1" else self.store.serialize_cdr
                 writer.write(topics[topic], received_ns, serialise(message, kind))
         return path

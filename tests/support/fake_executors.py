@@ -4,7 +4,7 @@ import pickle
 from concurrent.futures import Future
 from typing import Any
 
-from fedora_qa.engine.executor import InProcess, Task
+from fedora_qa.engine.executor import InProcess, Kept, Task
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Survey
 from fedora_qa.engine.worker import OpenFile, Worker
@@ -49,5 +49,6 @@ class Loses(Travels):
 def describe(task: Task) -> str:
     """Return the task's function, the name of its file, and its windows."""
     subject, name = task.arguments[0], task.function.name
+    subject = subject.load() if isinstance(subject, Kept) else subject
     place = subject.path if isinstance(subject, Survey) else subject
     return f"{name} {place.name} {list(task.arguments[1]) if name == 'measure_windows' else ''}".strip()
