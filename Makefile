@@ -78,11 +78,11 @@ bench-flow: $(READY)
 bench-files: $(READY)
 	$(BIN)/python -m tests.benchmarks.full_size.study
 
-# Numbers of sequences in the releases that are gated.
-COUNTS ?= 100 300 1000
+# Numbers of sequences in the releases that are gated, and of workers (WORKERS=2; as many as cores without).
+COUNTS ?= 40 200 1000
 
 bench-cluster: $(READY)
-	$(BIN)/python -m tests.benchmarks.cluster.study $(COUNTS)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.cluster.study $(COUNTS) $(if $(WORKERS),--workers $(WORKERS))
 
 bench-releases: $(READY)
 	$(BIN)/python -m tests.benchmarks.release_costs.study

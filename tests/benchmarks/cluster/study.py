@@ -1,8 +1,9 @@
 """Gate releases of many small sequences on a Dask cluster of this machine, and print what each file costs.
 
 A release is made of links to a few generated sequences, which differ in scene and seed. Each release is gated on a
-cluster of its own: a scheduler and two workers, which are processes of their own. A small release before the measured
-ones loads libraries and compiled loops in both workers.
+cluster of its own: a scheduler, and workers, which are processes of their own. A small release before the measured ones
+loads libraries and compiled loops in the workers. Nothing has to be installed: the folders of the sources in PYTHONPATH
+suffice.
 """
 
 import json
@@ -22,16 +23,16 @@ import psutil
 from distributed import Client, LocalCluster
 
 from fedora_qa.cli.exit_codes import CLEAN
+from fedora_qa.cli.host import usable_cores
 from tests.benchmarks.full_size.measured_run import fedora_qa
 from tests.support.sequences import make_sequence
 
-WORKERS: Final = 2
 SCENES: Final = ("park-day", "fast-turn", "racetrack", "park-noisy")
 WIDTH, HEIGHT, LENGTH_S = 64, 48, 0.3
 HEAD: Final = """\
-| files | s by the clock | core s a file | of it in workers | in the command | in the scheduler | transitions a file \
-| memory of the command | growth of the scheduler |
-| --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
+| files | workers | s by the clock | core s a file | of it in workers | in the command | in the scheduler \
+| transitions a file | memory of the command | growth of the scheduler |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
 POLICY: Final = 'ruleset_version = "2"\nfiles = ["**/*.h5"]\nsame_sequence = true\n[check]\nselect = [{}]\n'
 
 
@@ -41,8 +42,8 @@ class Gated:
 
     Attributes
     ----------
-    files
-        Number of its sequences.
+    files, workers
+        Number of its sequences, and of processes that measure them.
     wall_s
         Time of the command, start included, s.
     command_cpu_s, workers_cpu_s, scheduler_cpu_s
@@ -54,6 +55,7 @@ class Gated:
     """
 
     files: int
+    workers: int
     wall_s: float
     command_cpu_s: float
     workers_cpu_s: float
@@ -65,18 +67,19 @@ class Gated:
 
 @click.command()
 @click.argument("counts", nargs=-1, type=int)
+@click.option("--workers", type=click.IntRange(1), default=usable_cores, help="How many; as many as cores without.")
 @click.option("--select", "checks", multiple=True, help="Checks or subjects, to measure the distribution alone.")
-def main(counts: tuple[int, ...], checks: tuple[str, ...]) -> None:
-    """Gate a release for each number of files, such as 100 1000."""
+def main(counts: tuple[int, ...], workers: int, checks: tuple[str, ...]) -> None:
+    """Gate a release for each number of files; 40, 200 and 1000 without any."""
     with TemporaryDirectory() as folder:
         root = Path(folder)
         stock = [make_sequence(root / f"{scene}.h5", scene, LENGTH_S, WIDTH, HEIGHT) for scene in SCENES]
         text = POLICY.format(", ".join(f'"{check}"' for check in checks))
         (root / "policy.toml").write_text(text if checks else text.replace("select = []\n", ""), "utf-8")
         click.echo(HEAD)
-        for count in counts or (100, 1000):
-            with _cluster(root) as cluster:
-                _gate(cluster, _release(root / "warm", stock, 2 * WORKERS), root)
+        for count in counts or (40, 200, 1000):
+            with _cluster(root, workers) as cluster:
+                _gate(cluster, _release(root / "warm", stock, 2 * workers), root)
                 _print(_gate(cluster, _release(root / f"of-{count}", stock, count), root))
 
 
@@ -84,7 +87,7 @@ def _print(gated: Gated) -> None:
     each = [seconds / gated.files for seconds in (gated.workers_cpu_s, gated.command_cpu_s, gated.scheduler_cpu_s)]
     parts = " | ".join(f"{1e3 * part:.1f} ms" for part in each)
     click.echo(
-        f"| {gated.files} | {gated.wall_s:.1f} | {sum(each):.3f} | {parts} "
+        f"| {gated.files} | {gated.workers} | {gated.wall_s:.1f} | {sum(each):.3f} | {parts} "
         f"| {gated.transitions / gated.files:.0f} | {gated.command_bytes / 1e6:.0f} MB "
         f"| {gated.scheduler_growth_bytes / 1e6:.1f} MB |"
     )
@@ -100,8 +103,8 @@ def _release(folder: Path, stock: Sequence[Path], count: int) -> Path:
 
 
 @contextmanager
-def _cluster(root: Path) -> Iterator[LocalCluster]:
-    workers = {"n_workers": WORKERS, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
+def _cluster(root: Path, count: int) -> Iterator[LocalCluster]:
+    workers = {"n_workers": count, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
     with (
         dask.config.set({"temporary-directory": str(root)}),
         LocalCluster(**workers, host="127.0.0.1") as cluster,  # type: ignore[no-untyped-call]
@@ -128,6 +131,7 @@ def _gate(cluster: LocalCluster, release: Path, root: Path) -> Gated:
     files = json.loads(record.read_text("utf-8"))["files"]
     return Gated(
         files=len(files) - 1,  # the last one is the release
+        workers=len(workers),
         wall_s=wall_s,
         command_cpu_s=usage.ru_utime + usage.ru_stime,
         workers_cpu_s=_cpu_s(workers) - before,
