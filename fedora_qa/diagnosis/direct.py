@@ -33,6 +33,7 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "truncated": ("clocks.span", "integrity.readable"),
         "corrupt_chunk": ("integrity.readable",),
         "nan_in_stream": ("integrity.finite",),
+        "rectification_misdeclared": ("metadata.cameras",),
         "missing_stream": ("integrity.layout", "metadata.complete"),
         "wrong_shape": ("integrity.layout", "metadata.complete"),
         "wrong_dtype": ("integrity.layout", "metadata.complete"),

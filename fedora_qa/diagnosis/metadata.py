@@ -6,6 +6,7 @@ from typing import Final
 
 from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint
 from fedora_qa.checks.metadata.complete import DeclarationDefect
+from fedora_qa.checks.metadata.rectification import RectificationRule
 from fedora_qa.checks.metadata.units import UnitLabel
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.features import only_feature
@@ -75,7 +76,19 @@ def propose_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             return (Hypothesis("frame_convention", "metadata", support("metadata.mirrors")),)
         case "depth_to_events_centre":
             return (Hypothesis("lever_arm", "metadata", support("metadata.centres_apart"), statistic.value, "m"),)
+        case "rectify_map" | "rectify_map_defined":
+            return (_of_rectify_map(statistic),)
     return (Hypothesis("unknown", "metadata", support("metadata.form_of_K")),)
+
+
+def _of_rectify_map(statistic: Statistic) -> Hypothesis:
+    """Return the cause of the rule that gives the entries of a map that rectifies events."""
+    rules = {feature.rule for feature in statistic.features if isinstance(feature, RectificationRule)}
+    if rules & {"exchanged_coordinates", "exchanged_pixels"}:
+        return Hypothesis("axes_swapped", "metadata", support("metadata.map_axes"))
+    # Another pinhole camera, or none that fits: the declared cameras may be those that are wrong.
+    name = "metadata.map_by_common_error" if rules - {"other_pinhole", "none"} else "metadata.map_of_other_cameras"
+    return Hypothesis("rectification_misdeclared", "metadata", support(name))
 
 
 def propose_profile(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

@@ -23,6 +23,7 @@ from fedora_qa.faults import (
     index_maps,
     motion,
     pixels,
+    rectification,
     row_order,
     units,
 )
@@ -152,6 +153,9 @@ def _index_shift(fit: FittedCause) -> Faults:
 def _exchanged_axes(fit: FittedCause) -> Faults:
     if fit.family in ("events", "flow"):
         yield pixels.SwappedPixelAxes(fit.stream)
+    elif fit.stream == "metadata":
+        yield rectification.RectificationAxes()
+        yield rectification.RectificationAxes("pixels")
     else:
         yield from _vector_axes(fit)
 

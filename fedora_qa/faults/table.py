@@ -16,6 +16,7 @@ from fedora_qa.faults import (
     index_maps,
     motion,
     pixels,
+    rectification,
     row_order,
     units,
 )
@@ -61,6 +62,11 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every("polarity_inverted", (pixels.PolarityInversion,)),
         **_every("axes_swapped", (pixels.SwappedPixelAxes,), ("events", "flow")),
         **_every("axes_swapped", (axes.VectorAxes,), ("imu", "pose")),
+        ("axes_swapped", "metadata"): (rectification.RectificationAxes,),
+        **_every(
+            "rectification_misdeclared",
+            WithoutInverse("The map of the declared cameras replaces every map, so that to replace it proves nothing."),
+        ),
         **_every("mirrored", (pixels.Mirroring,)),
         **_every("spatial_offset", (pixels.PixelShift,)),
         **_every("threshold_misdeclared", (declarations.ThresholdMisdeclared,)),

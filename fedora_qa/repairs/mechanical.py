@@ -24,6 +24,7 @@ from fedora_qa.faults import (
     index_maps,
     motion,
     pixels,
+    rectification,
     row_order,
     units,
 )
@@ -74,6 +75,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         pixels.PixelShift: "Pixels that were shifted beyond the border are not stored; crop or render again.",
         axes.VectorAxes: _only_permuted,
         axes.CameraAxes: _MECHANICAL,
+        rectification.RectificationAxes: "A map follows from the calibration: compute it again.",
         cameras.FocalLength: _only_declared,
         cameras.PrincipalPointShift: _only_declared,
         cameras.MountingRotation: _only_declared,

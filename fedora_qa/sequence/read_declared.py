@@ -295,6 +295,8 @@ class _Reader:
                 f"Expected a place for each of the {events.width} x {events.height} pixels of the event camera, got "
                 f"{width} x {height}"
             )
+            if (height, width) == (events.width, events.height):
+                message += "; is it stored by x before y?"
             self._problem("metadata", "rectify_map", "wrong_shape", message)
             return None
         try:

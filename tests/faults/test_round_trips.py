@@ -43,6 +43,7 @@ from fedora_qa.faults.motion import (
     Teleport,
 )
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
+from fedora_qa.faults.rectification import RectificationAxes
 from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
@@ -157,6 +158,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(VectorAxes, st.just("pose"), axes_of_plane, turns_orientations=st.just(False)), exact),
     (st.builds(VectorAxes, st.just("pose"), signed_permutations(), signed_permutations()), rounded),
     (st.just(CameraAxes()), exact),
+    (st.builds(RectificationAxes, st.sampled_from(["coordinates", "pixels"])), exact),
     (st.builds(GravityError, st.sampled_from(["gravity_missing", "gravity_sign", "gravity_magnitude"]), unit), rounded),
     (st.builds(GravityMisdeclared, unit), rounded),
     (st.builds(GyroBias, vectors, ranges), rounded),

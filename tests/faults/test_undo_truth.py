@@ -6,6 +6,7 @@ too late or too large.
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -45,6 +46,7 @@ from fedora_qa.faults.motion import (
     Teleport,
 )
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
+from fedora_qa.faults.rectification import RectificationAxes
 from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
@@ -450,6 +452,24 @@ def test_one_declared_camera_is_put_back() -> None:
     undone = FaultySequence(faulty, FocalLength("metadata", 10, "depth").undo(facts_of(faulty), faulty)).declared
     for key, camera in clean.declared.cameras.items():
         np.testing.assert_allclose(undone.cameras[key].K, camera.K, atol=1e-13)
+
+
+@pytest.mark.parametrize("exchanged", ["coordinates", "pixels"])
+def test_the_map_that_rectifies_is_put_back(exchanged: Literal["coordinates", "pixels"]) -> None:
+    """Entries that are y before x, or rows and columns of a square map, are exchanged back."""
+    clean = memory_sequence()
+    map_px = clean.declared.rectify_map_px
+    assert map_px is not None
+    wrong_px = np.empty_like(map_px)
+    for row, column in np.ndindex(map_px.shape[:2]):
+        x, y = map_px[row, column]
+        if exchanged == "coordinates":
+            wrong_px[row, column] = y, x
+        else:
+            wrong_px[column, row] = x, y
+    faulty = clean.altered(declared=replace(clean.declared, rectify_map_px=wrong_px))
+    undone = FaultySequence(faulty, RectificationAxes(exchanged).undo(facts_of(faulty), faulty)).declared
+    np.testing.assert_array_equal(undone.rectify_map_px, map_px)
 
 
 def test_other_declarations_are_put_back() -> None:

@@ -161,6 +161,12 @@ def exchange_coordinates_of_the_map(folder: Path) -> None:
         file["rectify_map"][...] = file["rectify_map"][:][..., ::-1]
 
 
+def leave_the_map_out(folder: Path) -> None:
+    with h5py.File(folder / "events/left/rectify_map.h5", "a") as file:
+        height, width = file["rectify_map"].shape[:2]
+        file["rectify_map"][...] = np.dstack(np.meshgrid(np.arange(width), np.arange(height)))
+
+
 def move_the_map(folder: Path) -> None:
     with h5py.File(folder / "events/left/rectify_map.h5", "a") as file:
         file["rectify_map"][...] += np.float32(0.5)
@@ -170,8 +176,9 @@ def move_the_map(folder: Path) -> None:
     ("plant", "check_name", "cause"),
     [
         (point_to_the_next_event, "index_maps.milliseconds", "index_off_by_one"),
-        (exchange_coordinates_of_the_map, "metadata.cameras", "unknown"),
-        (move_the_map, "metadata.cameras", "unknown"),
+        (exchange_coordinates_of_the_map, "metadata.cameras", "axes_swapped"),
+        (leave_the_map_out, "metadata.cameras", "rectification_misdeclared"),
+        (move_the_map, "metadata.cameras", "rectification_misdeclared"),
         (swap_components_of_flow, "flow_photometric.residual", "axes_swapped"),
         (halve_flow, "flow_photometric.residual", "flow_gain"),
         (write_nanoseconds, "clocks.unit", "time_unit"),

@@ -133,6 +133,7 @@ PLANTED_IN_MESHES = {
 """Faults of what is drawn, in the world that OpenGL draws. Stamps, IMU and pose are the same in both."""
 
 PLANTED_AS_WELL = {
+    "metadata.cameras": Planted("rectification_misdeclared", "metadata"),
     "clocks.rate": Planted("clock_rate", "pose", 500, within=0.05),
     "event_response.timing": Planted("time_offset", "rgb", 5, "ms", within=0.15),
     "flow_geometry.endpoint": Planted("time_offset", "flow", 20, "ms", within=0.05),

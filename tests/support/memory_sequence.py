@@ -52,6 +52,10 @@ class MemorySequence:
         return MemorySequence({**self.arrays, **changed}, declared or self.declared, self.origin_ns)
 
 
+SQUARE_MAP = (4, 4)
+"""Rows and columns of the declared map that rectifies events; of a part of the sensor, as nothing reads it here."""
+
+
 def facts_of(sequence: SequenceRows) -> Facts:
     """Facts of a sequence or of a view, from a scan."""
     return scan(sequence, SECOND).facts
@@ -137,4 +141,5 @@ def declared_model() -> Declared:
         pose=PoseModel(0.01, 0.002),
         flow_model="rigid",
         depth_range_m=(0.1, 30.0),
+        rectify_map_px=np.random.default_rng(5).uniform(0, 9, (*SQUARE_MAP, 2)).astype(np.float32),
     )

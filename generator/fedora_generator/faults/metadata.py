@@ -48,6 +48,14 @@ def frame_convention(file: h5py.File, fault: Fault) -> None:
     edit_cameras(file, "T_body_camera", without_rotation)
 
 
+def rectification_misdeclared(file: h5py.File, fault: Fault) -> None:
+    """Declare a map of the pixels of the event camera to the view of depth that leaves each pixel where it is."""
+    camera = group_in(file, f"{CAMERAS}/events").attrs
+    columns, rows = np.meshgrid(np.arange(int(camera["width"])), np.arange(int(camera["height"])))
+    group_in(file, "metadata").pop("rectify_map", None)
+    file["metadata/rectify_map"] = np.dstack((columns, rows)).astype(np.float32)
+
+
 def gravity_magnitude(file: h5py.File, fault: Fault) -> None:
     """Declare a gravity too large by the magnitude."""
     if "gravity" not in group_in(file, "metadata/imu").attrs:

@@ -110,6 +110,7 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         ("extrinsic_rotation", "metadata"): metadata.extrinsic_rotation,
         ("lever_arm", "metadata"): metadata.lever_arm,
         ("frame_convention", "metadata"): metadata.frame_convention,
+        ("rectification_misdeclared", "metadata"): metadata.rectification_misdeclared,
         ("gravity_magnitude", "metadata"): metadata.gravity_magnitude,
         ("nan_in_stream", "metadata"): metadata.nan_in_stream,
         **_by_stream("truncated", _STORED, storage.truncated),
@@ -133,6 +134,7 @@ _TIMELESS: Final = frozenset(
     {
         *("truncated", "missing_stream", "wrong_shape", "wrong_dtype", "corrupt_chunk", "other_sequence"),
         *("threshold_misdeclared", "event_model_misdeclared", "noise_misdeclared", "quantised_values"),
+        "rectification_misdeclared",
     }
 )
 """Faults of a whole stream, of its storage or of a declaration."""

@@ -1,6 +1,7 @@
 """Declared cameras: possible, and fitting the images."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -19,6 +20,7 @@ from fedora_qa.judgement.tolerances import tolerance_for
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Camera, Declared
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.sequence import open_sequence
 from tests.support.checked import diagnoses_of, rules, run_check
 from tests.support.handmade import write_handmade
 
@@ -173,12 +175,82 @@ def test_a_map_that_rectifies_is_held_to_lens_and_rotation(path: Path, change: C
     assert rules(result.results[0]) == broken
 
 
-def test_a_map_of_another_sensor_is_named(path: Path) -> None:
-    """A map of another size says nothing about the pixels of this camera."""
+def sensor_columns_and_rows() -> Floats:
+    return np.dstack(np.meshgrid(np.arange(16.0), np.arange(12.0)))
+
+
+def undistorted(pixels: Floats, camera: Camera, turn: Floats, K: Floats) -> Floats:
+    coefficients = np.zeros(4) if camera.lens is None else np.array(camera.lens.coefficients[:4])
+    return np.asarray(
+        cv2.undistortPoints(pixels.reshape(-1, 1, 2), camera.K, coefficients, R=turn, P=K).reshape(pixels.shape)
+    )
+
+
+def inverse_map(camera: Camera, turn: Floats, K: Floats) -> Floats:
+    """OpenCV's maps for ``remap`` lead from the pixels of the rectified image to those of the camera."""
+    assert camera.lens is not None
+    coefficients = np.array(camera.lens.coefficients[:4])
+    return np.dstack(cv2.initUndistortRectifyMap(camera.K, coefficients, turn, K, (16, 12), cv2.CV_32FC1))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "cause", "text"),
+    [
+        (lambda px, camera, turn, K: px[..., ::-1], "axes_swapped", "y before x"),
+        (lambda px, camera, turn, K: sensor_columns_and_rows(), "rectification_misdeclared", "pixels themselves"),
+        (
+            lambda px, camera, turn, K: undistorted(sensor_columns_and_rows(), replace(camera, lens=None), turn, K),
+            *("rectification_misdeclared", "leaves the distortion"),
+        ),
+        (
+            lambda px, camera, turn, K: undistorted(px.astype(np.float64), camera, turn, K),
+            *("rectification_misdeclared", "applied twice"),
+        ),
+        (
+            lambda px, camera, turn, K: inverse_map(camera, turn, K),
+            *("rectification_misdeclared", "from the view to the event camera"),
+        ),
+        (
+            lambda px, camera, turn, K: px + np.array([0.5, -0.25]),
+            *("rectification_misdeclared", "a principal point +0.5, -0.25 px away"),
+        ),
+        (
+            lambda px, camera, turn, K: undistorted(
+                sensor_columns_and_rows(), camera, Rotation.from_rotvec([0, 0, 0.02]).as_matrix() @ turn, K
+            ),
+            *("rectification_misdeclared", "turned by 1.15 degrees"),
+        ),
+        (
+            lambda px, camera, turn, K: px + 2 * np.sin(sensor_columns_and_rows()),
+            *("rectification_misdeclared", "no common rule"),
+        ),
+    ],
+    ids=["exchanged", "pixels", "without lens", "twice", "inverse", "moved", "turned", "nothing"],
+)
+def test_the_rule_of_a_wrong_map_is_named(
+    path: Path, wrong: Callable[[Floats, Camera, Floats, Floats], Floats], cause: str, text: str
+) -> None:
+    """Maps that OpenCV computes with a common error are named by it."""
+    turn = Rotation.from_rotvec([0.02, -0.03, 0.1]).as_matrix()
+    map_px = rectify_map(path, [-0.08, 0.02, 1e-3, -2e-3], turn)
+    with open_sequence(path) as sequence:
+        events, depth = (sequence.declared.cameras[name] for name in ("events", "depth"))
     with h5py.File(path, "r+") as file:
-        file["metadata/rectify_map"] = np.zeros((12, 20, 2), np.float32)
-    (finding,) = run_check(path, "metadata.complete").findings
-    assert "16 x 12 pixels" in finding.message
+        file["metadata/rectify_map"] = wrong(map_px, events, turn, depth.K).astype(np.float32)
+    findings = run_check(path, "metadata.cameras").findings
+    assert text in findings[-1].message
+    assert {diagnosis.cause for diagnosis in diagnoses_of(path, "metadata.cameras")} == {cause}
+
+
+def test_a_map_of_another_sensor_is_named(path: Path) -> None:
+    """A map of another size says nothing about the pixels of this camera; one of exchanged axes is recognised."""
+    for shape, is_asked in (((12, 20, 2), False), ((16, 12, 2), True)):
+        with h5py.File(path, "r+") as file:
+            file.pop("metadata/rectify_map", None)
+            file["metadata/rectify_map"] = np.zeros(shape, np.float32)
+        (finding,) = run_check(path, "metadata.complete").findings
+        assert "16 x 12 pixels" in finding.message
+        assert ("by x before y?" in finding.message) is is_asked
 
 
 @given(
