@@ -113,9 +113,10 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
     The effort determines the sampled shares of tiles and fields. In each tile, the error of the flow is estimated by
     least squares, with gain and bias of brightness as free parameters; above 0.5 px it is estimated once more from the
     corrected flow. Pixels are used where both frames show the same point by depth and pose (never by the flow under
-    test), 4 px away from edges of the depth; without depth or pose, away from discontinuities of the flow. After an
-    alarm, inverse transforms (sign, axes, mirrors, units, gains, neighbouring intervals, other rates, frames in a wrong
-    order) are applied one by one to the tiles that do not match. The share of the mismatch that a transform removes is
+    test), 4 px away from edges of the depth; without depth or pose, away from discontinuities of the flow, and of
+    places to which different flow leads: two sources of one target are an occlusion. After an alarm, inverse transforms
+    (sign, axes, mirrors, units, gains, neighbouring intervals, other rates, frames in a wrong order) are applied one by
+    one to the tiles that do not match. The share of the mismatch that a transform removes is
     its weight.
 
     Noise model
@@ -129,6 +130,7 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
 
     Cannot detect
     -------------
+    Without depth, what a surface hides that the first frame does not show: up to a tenth of the tiles need not match.
     Errors along the edges of a scene whose texture has one direction. All but large gains in slow fields. Tiles in
     which rounding or noise hides 0.1 px, or whose ground has a grazing angle, are not used: walls and night scenes may
     be not observable. Where poses are noisy, time is not fitted.
