@@ -82,7 +82,7 @@ def _below_prefix(prefix: RemoteFile) -> list[RemoteFile]:
 
 def _in_folder(folder: Path, choice: "DialectChoice", *, needs_rows: bool) -> list[Path]:
     from fedora_qa.layout.dialect import split_choice  # noqa: PLC0415 - loads HDF5
-    from fedora_qa.layout.folder import matched_folder  # noqa: PLC0415 - loads HDF5
+    from fedora_qa.layout.folder import matched_folder, misfit  # noqa: PLC0415 - loads HDF5
 
     dialect, _ = split_choice(choice)
     below = list(_below(folder, dialect, _DEEPEST))
@@ -94,6 +94,9 @@ def _in_folder(folder: Path, choice: "DialectChoice", *, needs_rows: bool) -> li
             raise
         return below
     if matched is None:
+        # Images and tables beside a file of HDF5 make that file no sequence by itself.
+        if dialect is None and not any(path.is_dir() for path in below) and (sentence := misfit(folder)):
+            raise MisuseError(f"{sentence}; complete the folder, or describe it (--dialect)")
         if needs_rows and not below:
             raise MisuseError(
                 f"Expected a folder that a dialect describes, or with sequences in it, got {folder}; draft a dialect "

@@ -21,6 +21,9 @@ from fedora_qa.storage.signature import require_signature
 _SHOWN: Final = 2
 """Names of files that a message lists."""
 
+_FEWEST_ROLES: Final = 2
+"""Of how many roles a folder has files of other formats than HDF5 where it is meant to be a sequence of the dialect."""
+
 
 @dataclass(frozen=True, slots=True)
 class RoleFiles:
@@ -34,6 +37,10 @@ class RoleFiles:
     def first(self) -> Path:
         """The first file; of most roles the only one."""
         return self.folder / self.names[0]
+
+    def places(self, root: Path) -> tuple[str, ...]:
+        """Return the names of the files relative to the folder of the sequence."""
+        return tuple((self.folder / name).relative_to(root).as_posix() for name in self.names)
 
     @property
     def form(self) -> Form:
@@ -88,12 +95,30 @@ def match_folder(folder: Path, dialect: Dialect, *, is_named: bool = True) -> Ma
     MisuseError
         The first role has no file, or a role of one file has two; the message names the role and the files.
     """
+    by_folder = _names_by_folder(folder)
+    files, problems = _files_of_roles(folder, by_folder, dialect)
+    if problems:
+        raise MisuseError(problems[0])
+    used = {place for files_of_role in files.values() for place in files_of_role.places(folder)}
+    every = (f"{inside}/{name}" if inside else name for inside, names in by_folder.items() for name in names)
+    unused = tuple(sorted(name for name in every if name not in used))
+    return MatchedFolder(folder, dialect, files, unused, is_named)
+
+
+def _names_by_folder(folder: Path) -> dict[str, list[str]]:
     by_folder: dict[str, list[str]] = {}
     for file in list_files(folder):
         inside, _, name = file.name.rpartition("/")
         by_folder.setdefault(inside, []).append(name)
+    return by_folder
+
+
+def _files_of_roles(
+    folder: Path, by_folder: Mapping[str, list[str]], dialect: Dialect
+) -> tuple[dict[str, RoleFiles], list[str]]:
+    """Return the files of each role, and why the folder does not fit the dialect, in sentences."""
     files: dict[str, RoleFiles] = {}
-    used: set[str] = set()
+    problems: list[str] = []
     for role, patterns in dialect.files.items():
         pattern, fitting = next(
             ((pattern, fits) for pattern in patterns if (fits := _fitting(by_folder, pattern))), ("", {})
@@ -102,21 +127,33 @@ def match_folder(folder: Path, dialect: Dialect, *, is_named: bool = True) -> Ma
         relative = [f"{inside}/{name}" if inside else name for inside, names in fitting.items() for name in names]
         if len(relative) > 1 and not several:
             named = " and ".join(relative[:_SHOWN]) + (" and others" if len(relative) > _SHOWN else "")
-            raise MisuseError(f"Expected one file for {role} of the dialect {dialect.name} in {folder}, got {named}")
-        if len(fitting) > 1:
+            problems.append(f"Expected one file for {role} of the dialect {dialect.name} in {folder}, got {named}")
+        elif len(fitting) > 1:
             named = " and ".join(sorted(fitting)[:_SHOWN])
-            raise MisuseError(f"Expected {role} of the dialect {dialect.name} in one folder, got {named} in {folder}")
-        for inside, names in fitting.items():
-            used.update(relative)
+            problems.append(f"Expected {role} of the dialect {dialect.name} in one folder, got {named} in {folder}")
+        elif fitting:
+            ((inside, names),) = fitting.items()
             files[role] = RoleFiles(pattern, folder / inside, tuple(names))
-    if dialect.first_role not in files:
-        wanted = " or ".join(dialect.files[dialect.first_role])
-        raise MisuseError(
-            f"Expected {wanted} ({dialect.first_role} of the dialect {dialect.name}) in {folder}, got no such file"
-        )
-    every = (f"{inside}/{name}" if inside else name for inside, names in by_folder.items() for name in names)
-    unused = tuple(sorted(name for name in every if name not in used))
-    return MatchedFolder(folder, dialect, files, unused, is_named)
+        elif role == dialect.first_role:
+            wanted = " or ".join(patterns)
+            problems.append(f"Expected {wanted} ({role} of the dialect {dialect.name}) in {folder}, got no such file")
+    return files, problems
+
+
+def misfit(folder: Path) -> str:
+    """Return why a folder does not fit the dialect of the package of which it has most roles, as a sentence.
+
+    It is empty where the folder has fewer than two roles of it with files of other formats than HDF5: files of HDF5
+    may be sequences by themselves.
+    """
+    by_folder = _names_by_folder(folder)
+    sentences: dict[str, int] = {}
+    for dialect in map(load_dialect, DIALECT_NAMES):
+        files, problems = _files_of_roles(folder, by_folder, dialect)
+        roles = sum(each.form != "hdf5" for each in files.values())
+        if problems and roles >= _FEWEST_ROLES:
+            sentences[problems[0]] = roles
+    return max(sentences, key=lambda sentence: sentences[sentence], default="")
 
 
 def _fitting(by_folder: Mapping[str, list[str]], pattern: str) -> dict[str, list[str]]:

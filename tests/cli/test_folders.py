@@ -221,6 +221,17 @@ def test_what_is_wrong_is_one_sentence(
         assert len(done.err.strip().splitlines()) == 1
 
 
+def test_the_file_without_which_no_folder_fits(fedora_qa: Command, dsec: Path) -> None:
+    """Of a folder that has the other roles it is named; the map beside it is not taken for a sequence."""
+    (dsec / "events/left/events.h5").unlink()
+    done = fedora_qa("check", dsec)
+    assert done.code == 2
+    assert "Expected events/left/events.h5 or events_left/events.h5 (events of the dialect dsec)" in done.err
+    assert "complete the folder" in done.err
+    assert len(done.err.strip().splitlines()) == 1
+    assert fedora_qa("layout", dsec).code == 0
+
+
 def test_two_files_for_one_role(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
     """The sentence names the role and both files."""
     dialect = tmp_path / "mine.toml"
