@@ -57,15 +57,27 @@ class UnreadableRowsError(FedoraError):
         The requested rows.
     chunks
         Numbers in the dataset of the stored chunks that cannot be decoded; empty where they were not decoded singly.
+    has_other_form
+        Whether what is stored is sound, but of another size or depth than the rows of the dataset.
     """
 
-    def __init__(self, key: str, start: int, stop: int, reason: str, chunks: tuple[int, ...] = ()) -> None:
+    def __init__(
+        self,
+        key: str,
+        start: int,
+        stop: int,
+        reason: str,
+        chunks: tuple[int, ...] = (),
+        *,
+        has_other_form: bool = False,
+    ) -> None:
         super().__init__(f"Expected rows {start} to {stop} of {key} to decode, got: {reason}")
         self.key = key
         self.start = start
         self.stop = stop
         self.reason = reason
         self.chunks = chunks
+        self.has_other_form = has_other_form
 
 
 class NotRepairableError(FedoraError):

@@ -35,7 +35,7 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "nan_in_stream": ("integrity.finite",),
         "rectification_misdeclared": ("metadata.cameras",),
         "missing_stream": ("integrity.layout", "metadata.complete"),
-        "wrong_shape": ("integrity.layout", "metadata.complete"),
+        "wrong_shape": ("integrity.layout", "integrity.readable", "metadata.complete"),
         "wrong_dtype": ("integrity.layout", "metadata.complete"),
     }
 )

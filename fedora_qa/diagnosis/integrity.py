@@ -4,6 +4,7 @@ from typing import Final
 
 from fedora_qa.checks.integrity.finite import OutOfRange
 from fedora_qa.checks.integrity.layout import LayoutDefect
+from fedora_qa.checks.integrity.readable import RowsOfOtherForm
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.diagnosis.flow_family import over_all_rates
@@ -28,7 +29,7 @@ def propose_layout(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_readable(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return damage as the cause of chunks that do not decode."""
+    """Return damage as the cause of chunks that do not decode, or another form where all of them are sound."""
     return over_all_rates(alarm.statistic, _of_chunks)
 
 
@@ -80,4 +81,7 @@ def _of_layout(statistic: Statistic) -> tuple[Hypothesis, ...]:
 
 def _of_chunks(statistic: Statistic) -> tuple[Hypothesis, ...]:
     stream = statistic.where.stream or ""
+    rows = next((feature for feature in statistic.features if isinstance(feature, RowsOfOtherForm)), None)
+    if rows is not None and rows.sound == rows.of:
+        return (Hypothesis("wrong_shape", stream, support("integrity.of_other_form")),)
     return (Hypothesis("corrupt_chunk", stream, support("integrity.undecodable"), statistic.value, "chunks"),)

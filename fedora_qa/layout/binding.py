@@ -21,7 +21,7 @@ from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.conversions import Conversion, converted, intervals
 from fedora_qa.layout.direct_chunks import StoredChunks
 from fedora_qa.layout.links import READ_ERRORS
-from fedora_qa.sources.source import OutsideRows
+from fedora_qa.sources.source import OutsideRows, SourceError
 
 Polarity = Literal["01", "inverted", "plus_minus"]
 
@@ -174,7 +174,10 @@ def raw_rows(
     except READ_ERRORS as error:
         failing = tuple(_failing_chunks(file, binding, start, stop))
         cause = error.with_traceback(None)  # its frames would hold the rows that were to be read
-        raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from cause
+        has_other_form = isinstance(error, SourceError) and error.rule == "wrong_shape"
+        raise UnreadableRowsError(
+            binding.key, start, stop, str(error), failing, has_other_form=has_other_form
+        ) from cause
     selected = selected_columns(stored, binding)
     return intervals(selected) if binding.is_of_instants else selected
 

@@ -68,11 +68,11 @@ def read_image(path: Path, expected: ImageForm) -> NDArray[Any]:
         raise SourceError(
             "too_large", "wrong_shape", f"Expected {path.name} in {LARGEST_BYTES} bytes at most, got {size}"
         )
-    form = image_form(path)
+    form, content = image_form(path), path.read_bytes()
+    # First: a damaged header may state another size.
+    (_require_sound_png if content.startswith(_PNG) else _require_sound_jpeg)(path, content)
     if form != expected:
         raise SourceError("wrong_shape", "wrong_shape", f"Expected {path.name} of {expected}, got {form}")
-    content = path.read_bytes()
-    (_require_sound_png if content.startswith(_PNG) else _require_sound_jpeg)(path, content)
     stored = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     if stored is None or stored.shape != form.shape or stored.dtype != np.dtype(form.dtype):
         raise SourceError("unreadable", "corrupt_chunk", f"Expected {path.name} to decode, got a damaged image")

@@ -151,6 +151,11 @@ def damage_an_image(folder: Path) -> None:
     path.write_bytes(bytes(content))
 
 
+def crop_an_image(folder: Path) -> None:
+    path = folder / "images/left/rectified/000007.png"
+    write_png(path, cv2.imread(str(path))[:-1, :, ::-1])
+
+
 def point_to_the_next_event(folder: Path) -> None:
     with h5py.File(folder / "events/left/events.h5", "a") as file:
         file["ms_to_idx"][5:] += 1
@@ -185,6 +190,7 @@ def move_the_map(folder: Path) -> None:
         (forget_the_offset, "clocks.span", "time_offset"),
         (shift_disparity, "alignment.depth", "spatial_offset"),
         (damage_an_image, "integrity.readable", "corrupt_chunk"),
+        (crop_an_image, "integrity.readable", "wrong_shape"),
     ],
 )
 def test_a_planted_fault_is_found(

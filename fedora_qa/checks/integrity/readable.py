@@ -9,6 +9,7 @@ from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.features import Feature
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.canonical import is_flow_stream, spec_of, timestamps_of
 from fedora_qa.record.types import Coverage, Where
@@ -30,6 +31,8 @@ class DamagedChunk:
         Its first row, and the row after its last.
     reason
         Message of HDF5.
+    has_other_form
+        Whether what is stored is sound, but of another size or depth.
     """
 
     key: str
@@ -37,6 +40,21 @@ class DamagedChunk:
     start: int
     stop: int
     reason: str
+    has_other_form: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RowsOfOtherForm(Feature):
+    """How many chunks that cannot be rows of a dataset are sound, but of another size or depth.
+
+    Attributes
+    ----------
+    sound, of
+        Number of such chunks, and of all that do not decode.
+    """
+
+    sound: int
+    of: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +185,7 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
                         stream=stream, index_start=first_chunk.start, index_stop=max(chunk.stop for chunk in chunks)
                     ),
                     severity="critical",
+                    features=(RowsOfOtherForm(sum(chunk.has_other_form for chunk in chunks), len(chunks)),),
                 )
             )
         return Observation(
@@ -198,9 +217,10 @@ def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator
         try:
             window.rows(binding.key, max(start, first), min(stop, last))
         except UnreadableRowsError as error:
+            other = error.has_other_form
             for chunk in error.chunks:
                 first = chunk // beside * rows
-                yield DamagedChunk(binding.key, chunk, first, min(first + rows, binding.rows), error.reason)
+                yield DamagedChunk(binding.key, chunk, first, min(first + rows, binding.rows), error.reason, other)
             # Chunks that were not tried one by one: the first one of the block stands for the rows that failed.
             if not error.chunks:
-                yield DamagedChunk(binding.key, first // rows * beside, first, last, error.reason)
+                yield DamagedChunk(binding.key, first // rows * beside, first, last, error.reason, other)
