@@ -96,14 +96,30 @@ def count_lone_events(counts: Int32, intervals_ns: Int64) -> LoneEvents:
 def _count(between: Int32, totals: Int64) -> None:
     """Add the pixels with one event, and those with none, whose eight neighbours have none, by tile."""
     height, width = between.shape[1], between.shape[2]
-    for row in range(1, height - 1):
-        for column in range(1, width - 1):
-            own = between[0, row, column] + between[1, row, column]
-            if own > 1:
+    tiles_down, tiles_across = totals.shape[1], totals.shape[2]
+    # Events of both polarities in the last three rows, and in three rows together.
+    recent, together = np.zeros((3, width), np.int32), np.empty(width, np.int32)
+    for row in range(height):
+        line, off, on = recent[row % 3], between[0, row], between[1, row]
+        for column in range(width):
+            line[column] = off[column] + on[column]
+        if row < 2:
+            continue
+        for column in range(width):
+            together[column] = recent[0, column] + recent[1, column] + recent[2, column]
+        middle, of_row = recent[(row - 1) % 3], totals[:, (row - 1) * tiles_down // height]
+        for tile in range(tiles_across):
+            # Columns c with c * tiles_across // width == tile, without those at the border.
+            first = max(-(-tile * width // tiles_across), 1)
+            stop = min(-(-(tile + 1) * width // tiles_across), width - 1)
+            if first >= stop:
                 continue
-            around = -own
-            for i in range(row - 1, row + 2):
-                for j in range(column - 1, column + 2):
-                    around += between[0, i, j] + between[1, i, j]
-            if around == 0:
-                totals[1 - own, row * totals.shape[1] // height, column * totals.shape[2] // width] += 1
+            own, left, here, right = (middle[first:stop], together[first - 1 : stop - 1], together[first:stop],
+                                      together[first + 1 : stop + 1])  # fmt: skip
+            lone, silent = np.int32(0), np.int32(0)
+            for column in range(len(own)):
+                of_block = left[column] + here[column] + right[column]
+                silent += np.int32(of_block == 0)
+                lone += np.int32((of_block == 1) & (own[column] == 1))
+            of_row[0, tile] += lone
+            of_row[1, tile] += silent

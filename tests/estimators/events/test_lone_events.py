@@ -44,3 +44,18 @@ def test_intervals_add_up() -> None:
     halves = count_lone_events(counts[:20], intervals_ns[:20]) + count_lone_events(counts[20:], intervals_ns[20:])
     assert np.array_equal(whole.lone, halves.lone)
     assert whole.quiet_rate_hz == halves.quiet_rate_hz
+
+
+@pytest.mark.parametrize("shape", [(2, 9), (5, 11), (24, 37)])
+def test_pixels_are_counted_by_tile(shape: tuple[int, int]) -> None:
+    """A loop over pixels with nine pixels each counts the same, in images of fewer pixels than tiles as well."""
+    counts = np.random.default_rng(7).poisson(0.05, (1, 2, *shape)).astype(np.int32)
+    events, expected = counts[0].sum(axis=0), np.zeros((2, 8, 8), np.int64)
+    for row in range(1, shape[0] - 1):
+        for column in range(1, shape[1] - 1):
+            own = events[row, column]
+            if own <= 1 and events[row - 1 : row + 2, column - 1 : column + 2].sum() == own:
+                expected[own, row * 8 // shape[0], column * 8 // shape[1]] += 1
+    lone = count_lone_events(counts, np.array([1]))
+    assert np.array_equal([lone.silent, lone.lone], expected)
+    assert np.array_equal(lone.weighted_ns, lone.silent)
