@@ -60,7 +60,11 @@ def mean_codes(image: UInt8, block: int) -> UInt8:
     ndarray of uint8
         (h, w, C); halves are rounded to even.
     """
-    return np.rint(mean_values(image, block)).astype(np.uint8)
+    rows, columns = picture_shape(image.shape[0], image.shape[1], block)
+    height, width = _side(image.shape[0], block), _side(image.shape[1], block)
+    codes = np.ascontiguousarray(image).view()
+    codes.flags.writeable = False  # as decoded images are: the kernel is compiled for one kind of array
+    return np.rint(_means_of_codes(codes, rows, columns, height, width)).astype(np.uint8)
 
 
 def mean_values(image: NDArray[Any], block: int) -> Float32:
@@ -169,6 +173,28 @@ def _finite_means(image: Float32, rows: int, columns: int, height: int, width: i
                     count += counts[position]
                     position += step
                 means[row, column, channel] = total / count if count else np.nan
+    return means
+
+
+@njit(cache=True)
+def _means_of_codes(image: UInt8, rows: int, columns: int, height: int, width: int) -> Float32:
+    """Return the means (rows, columns, C) of blocks of an image (H, W, C); arguments as of ``_finite_means``."""
+    channels = image.shape[2]
+    lines = image.reshape(image.shape[0], image.shape[1] * channels)
+    means, sums = np.empty((rows, columns, channels), np.float32), np.empty(columns * width * channels, np.uint32)
+    for row in range(rows):
+        sums[:] = 0
+        for line_number in range(row * height, (row + 1) * height):
+            line = lines[line_number]
+            for i in range(len(sums)):
+                sums[i] += line[i]
+        for column in range(columns):
+            for channel in range(channels):
+                position, total = np.uint64(column * width * channels + channel), np.uint64(0)
+                for _ in range(width):
+                    total += np.uint64(sums[position])
+                    position += np.uint64(channels)
+                means[row, column, channel] = total / np.float64(height * width)
     return means
 
 
