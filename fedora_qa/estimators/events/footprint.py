@@ -374,7 +374,10 @@ def resample_frame(
     # Most rows have no clipped pixel: they are not searched again.
     clipped_rows = np.empty(len(clipped), np.bool_)
     for row in range(len(clipped)):
-        clipped_rows[row] = np.any(clipped[row])
+        clipped_row, any_clipped = clipped[row], False
+        for column in range(len(clipped_row)):  # without an exit, so that many pixels are read at once
+            any_clipped |= clipped_row[column]
+        clipped_rows[row] = any_clipped
     beyond = np.empty(len(inside_columns), np.float32)
     for column in range(len(beyond)):
         beyond[column] = rounding if inside_columns[column] else np.inf

@@ -49,6 +49,9 @@ Float64 = NDArray[np.float64]
 
 QUARTILE: Final = 0.25
 
+_EVENTS: Final = 4
+"""Events of a quadruple."""
+
 DEVIATES: Final = (0.6744897501960817, 0.31863936396437514)
 """For a standard normal x, minus the lower quartile of x, Phi(-0.6745) = 1/4, and the lower quartile of |x|,
 2 Phi(0.3186) - 1 = 1/4."""
@@ -161,12 +164,10 @@ def event_quadruples(
     usable = np.ones(len(events.starts) - 1, np.bool_)
     usable[excluded] = False
     nothing = np.empty((3, 0), np.int32)
-    count = _collect(events.starts, events.timestamped, usable, start_ns, stop_ns, longest_ns, nothing)
-    # Pixels in an order without pattern: Knuth's multiplicative hash (TAOCP vol. 3, 6.4).
+    count = _collect(events.starts, events.timestamped, usable, start_ns, stop_ns, longest_ns, 1, nothing)
     every = max(1, -(-count // most))
-    usable &= (np.arange(len(usable), dtype=np.uint64) * np.uint64(2654435761) >> np.uint64(7)) % np.uint64(every) == 0
     rows = np.empty((3, count), np.int32)
-    count = _collect(events.starts, events.timestamped, usable, start_ns, stop_ns, longest_ns, rows)
+    count = _collect(events.starts, events.timestamped, usable, start_ns, stop_ns, longest_ns, every, rows)
     durations_ns, middles_ns, pixels = rows[:, :count].copy()
     return Quadruples(durations_ns, middles_ns, pixels)
 
@@ -179,15 +180,22 @@ def _collect(
     start_ns: int,
     stop_ns: int,
     longest_ns: int,
+    every: int,
     rows: Int32,
 ) -> int:
-    """Count quadruples, and write duration, middle interval and pixel of as many as ``rows`` (3, n) has room for."""
+    """Count quadruples, and write duration, middle interval and pixel of as many as ``rows`` (3, n) has room for.
+
+    Of the pixels one in ``every`` is taken.
+    """
     count, room = 0, rows.shape[1]
     for pixel in range(len(usable)):
-        if not usable[pixel]:
+        if not usable[pixel] or starts[pixel + 1] - starts[pixel] < _EVENTS:  # most pixels
+            continue
+        # Pixels in an order without pattern: Knuth's multiplicative hash (TAOCP vol. 3, 6.4).
+        if (np.uint64(pixel) * np.uint64(2654435761) >> np.uint64(7)) % np.uint64(every) != 0:
             continue
         of_pixel = 0
-        for i in range(starts[pixel], starts[pixel + 1] - 3):
+        for i in range(starts[pixel], starts[pixel + 1] - _EVENTS + 1):
             first = timestamped[i] >> 1
             if first < start_ns or first >= stop_ns or of_pixel == MOST_OF_A_PIXEL:
                 continue
