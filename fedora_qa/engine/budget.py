@@ -26,6 +26,7 @@ from fedora_qa.engine.file_work import equal_parts
 from fedora_qa.engine.lost_file import DIED_TWICE, ENDLESS, lost_file
 from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.packed_survey import PackedSurvey
 from fedora_qa.engine.plan import FEWEST_WINDOWS, WINDOW_NS, Plan, sampling_of, sees_every_window
 from fedora_qa.engine.progress import Progress, ProgressTally, Report, quiet
 from fedora_qa.engine.survey import Survey, frame_pixels
@@ -224,16 +225,17 @@ class _BudgetedFile:
         place = self._path.absolute()
         if test := opening_test(place, self._options.dialect, self._options.allow_external):
             self._do(test, "being opened")
-        survey = self._do(Task(SURVEY_FILE, (place, self._checks, self._options)), "being opened")
-        if isinstance(survey, FileRun):
-            return survey, None
+        packed = self._do(Task(SURVEY_FILE, (place, self._checks, self._options)), "being opened")
+        if isinstance(packed, FileRun):
+            return packed, None
+        survey: Survey = packed.load()
         self.windows = survey.plan.of
         self._traffic = survey.traffic
         if any(sees_every_window(check.needs) for check in survey.asked):
             # Tasks end in any order; states merge in the order of time.
             parts: dict[int, Kept] = {}
             batches = equal_parts(self.windows, self._executor.capacity)
-            tasks = (Task(MEASURE_WINDOWS, (survey, batch, "steady", None), keeps_result=True) for batch in batches)
+            tasks = (Task(MEASURE_WINDOWS, (packed, batch, "steady", None), keeps_result=True) for batch in batches)
             for task, part, _ in self._do_all(tasks):
                 if isinstance(part, _LostTask):
                     raise _GivenUpError("being measured", part.end)
@@ -283,14 +285,14 @@ class _BudgetedFile:
 
     def _visit(self, density: _Density, count: int, until: float) -> int:
         """Visit the next windows of a density while they end in time; return how many were visited, or lost."""
-        number = len(density.pending)
+        number, packed = len(density.pending), PackedSurvey.of(density.survey)
 
         def tasks() -> Iterator[Task]:
             for _ in range(min(count, len(density.pending))):
                 if time.monotonic() + density.longest_s > until:
                     return
                 window = density.pending.popleft()
-                yield Task(MEASURE_WINDOWS, (density.survey, (window,), "sampled", None), keeps_result=True)
+                yield Task(MEASURE_WINDOWS, (packed, (window,), "sampled", None), keeps_result=True)
 
         for task, part, seconds in self._do_all(tasks()):
             (window,) = task.arguments[1]
@@ -309,7 +311,8 @@ class _BudgetedFile:
         """Return the run of the file by the windows that were visited at a density."""
         began = time.monotonic()
         parts = [*self._steady, *(part for _, part in sorted(density.parts.items()))]
-        run: FileRun = self._do(Task(FINISH_FILE, (density.visited, parts, sorted(density.lost))), "being judged")
+        packed = PackedSurvey.of(density.visited)
+        run: FileRun = self._do(Task(FINISH_FILE, (packed, parts, sorted(density.lost))), "being judged")
         self._judging_s.append(time.monotonic() - began)
         self._judged_windows = max(len(density.parts), 1)
         # Its own traffic: that of the survey and of the parts is counted once for all judgements.

@@ -11,13 +11,13 @@ from fedora_qa.engine.executor import Kept, Task
 from fedora_qa.engine.lost_file import DIED_TWICE, ENDLESS, lost_file
 from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.packed_survey import PackedSurvey
 from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.engine.task_functions import CHECK_WHOLE, FINISH_FILE, MEASURE_WINDOWS, SURVEY_FILE
 from fedora_qa.storage.place import Place
 
 if TYPE_CHECKING:  # loads what measures
     from fedora_qa.checks.protocol import Check
-    from fedora_qa.engine.survey import Survey
 
 _OPENED: Final = "being opened"
 
@@ -95,7 +95,7 @@ class FileWork:
         # Windows that were measured or lost; and for progress, which may be reported late, so many by first window.
         self._settled = 0
         self._reported: dict[int, int] = {}
-        self._survey: Survey | None = None
+        self._survey: PackedSurvey | None = None
         self._kept_survey = Kept()
         self._work_queue = WorkQueue(0, workers)
         begin = self._do_in_one if workers == 1 else self._do_in_steps
@@ -170,7 +170,7 @@ class FileWork:
         self._end(lost_file(self.path, self._checks, self._options, doing, end))
 
     def _surveyed(self, kept: Kept) -> None:
-        survey: Survey | FileRun = kept.load()
+        survey: PackedSurvey | FileRun = kept.load()
         self._kept_survey = kept
         if isinstance(survey, FileRun):
             self._finished(survey)
@@ -180,7 +180,7 @@ class FileWork:
         self._survey = survey
         self._finish_if_measured(survey)
 
-    def _measuring(self, survey: "Survey", windows: Sequence[int], when_lost: Callable[[], None]) -> WorkStep:
+    def _measuring(self, survey: PackedSurvey, windows: Sequence[int], when_lost: Callable[[], None]) -> WorkStep:
         first = windows[0]
         # A batch that follows a part extends its state: fewer large states have to be merged in the end.
         before = next((part for part in self._parts.values() if part.stop == first), None)
@@ -214,19 +214,19 @@ class FileWork:
     def _keep(self, part: Part) -> None:
         self._parts[part.start] = part
 
-    def _each_alone(self, survey: "Survey", windows: Sequence[int]) -> None:
+    def _each_alone(self, survey: PackedSurvey, windows: Sequence[int]) -> None:
         for window in windows:
             # What the lost batch had reported no longer counts.
             self._reported[window] = 0
             self.ready.append(self._measuring(survey, [window], when_lost=partial(self._lose, survey, window)))
 
-    def _lose(self, survey: "Survey", window: int) -> None:
+    def _lose(self, survey: PackedSurvey, window: int) -> None:
         self._reported[window] = 1
         self._settled += 1
         self._lost.append(window)
         self._finish_if_measured(survey)
 
-    def _finish_if_measured(self, survey: "Survey") -> None:
+    def _finish_if_measured(self, survey: PackedSurvey) -> None:
         if self._settled == self.windows:
             lost = [survey.windows[place] for place in sorted(self._lost)]
             parts = [part.states for _, part in sorted(self._parts.items())]

@@ -9,6 +9,7 @@ from fedora_qa.engine.assemble import assemble
 from fedora_qa.engine.executor import Kept
 from fedora_qa.engine.measure import Accumulator, PassState, measure
 from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.packed_survey import PackedSurvey
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import OpenSurvey, Survey, opened
 from fedora_qa.engine.survey import survey_file as survey_of
@@ -38,7 +39,7 @@ def open_and_close(path: Place, dialect: DialectChoice, allow_external: Iterable
 
 def check_whole(path: Place, checks: Asked, options: CheckOptions, worker: Worker) -> FileRun:
     """Check a file from beginning to end in one process, so that follow-ups find rows that are still decoded."""
-    survey = survey_file(path, checks, options, worker)
+    survey = _survey(path, checks, options, worker)
     return survey if isinstance(survey, FileRun) else measure_and_assemble(survey, worker.progress)
 
 
@@ -49,8 +50,13 @@ def measure_and_assemble(survey: Survey, progress: Progress) -> FileRun:
         return assemble(survey, file, [measured], [], progress)
 
 
-def survey_file(path: Place, checks: Asked, options: CheckOptions, worker: Worker) -> Survey | FileRun:
+def survey_file(path: Place, checks: Asked, options: CheckOptions, worker: Worker) -> PackedSurvey | FileRun:
     """Scan the timestamps of a file and plan its windows; its whole run where HDF5 refuses to open it."""
+    survey = _survey(path, checks, options, worker)
+    return survey if isinstance(survey, FileRun) else PackedSurvey.of(survey)
+
+
+def _survey(path: Place, checks: Asked, options: CheckOptions, worker: Worker) -> Survey | FileRun:
     # Rows of another file are of no use any more.
     worker.open_file.close()
     asked = select_checks(options.select, options.ignore) if checks is None else checks
@@ -58,20 +64,20 @@ def survey_file(path: Place, checks: Asked, options: CheckOptions, worker: Worke
 
 
 def measure_windows(
-    survey: Survey | Kept, windows: Sequence[int], audience: Audience, before: Kept | None, worker: Worker
+    packed: PackedSurvey | Kept, windows: Sequence[int], audience: Audience, before: Kept | None, worker: Worker
 ) -> PassState:
     """Measure windows of a file, by their numbers on its grid.
 
     Parameters
     ----------
-    survey
-        Of the file, or where it is kept.
+    packed
+        The survey of the file, or where it is kept.
     audience
         Who gets them.
     before
         The pass over the windows just before them, which is extended; None for a new pass.
     """
-    survey = _loaded(survey)
+    survey = _loaded(packed)
     with worker.open_file.opened(survey) as file:
         states = measure_open(survey, file, windows, worker.progress, audience, before.load() if before else None)
         # A file behind a URL is opened for each task alone, so that this counts no request twice.
@@ -106,9 +112,9 @@ def measure_open(
     )
 
 
-def finish_file(survey: Survey | Kept, parts: Sequence[Kept], lost: Sequence[int], worker: Worker) -> FileRun:
+def finish_file(packed: PackedSurvey | Kept, parts: Sequence[Kept], lost: Sequence[int], worker: Worker) -> FileRun:
     """Judge a file by the passes over its batches of windows, in the order of time, and the numbers of lost windows."""
-    survey = _loaded(survey)
+    survey = _loaded(packed)
     with worker.open_file.opened(survey) as file:
         # Decoded rows make place for the states of all workers, which are merged here.
         file.ready.decoder.leases.forget()
@@ -117,9 +123,9 @@ def finish_file(survey: Survey | Kept, parts: Sequence[Kept], lost: Sequence[int
     return run
 
 
-def _loaded(survey: Survey | Kept) -> Survey:
-    loaded: Survey = survey.load() if isinstance(survey, Kept) else survey
-    return loaded
+def _loaded(packed: PackedSurvey | Kept) -> Survey:
+    survey: PackedSurvey = packed.load() if isinstance(packed, Kept) else packed
+    return survey.load()
 
 
 def traffic_of(parts: Sequence[Kept], _: Worker) -> Traffic:

@@ -5,8 +5,8 @@ from concurrent.futures import Future
 from typing import Any
 
 from fedora_qa.engine.executor import InProcess, Kept, Task
+from fedora_qa.engine.packed_survey import PackedSurvey
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.survey import Survey
 from fedora_qa.engine.worker import OpenFile, Worker
 from fedora_qa.errors import WorkerLostError
 
@@ -50,5 +50,5 @@ def describe(task: Task) -> str:
     """Return the task's function, the name of its file, and its windows."""
     subject, name = task.arguments[0], task.function.name
     subject = subject.load() if isinstance(subject, Kept) else subject
-    place = subject.path if isinstance(subject, Survey) else subject
+    place = subject.path if isinstance(subject, PackedSurvey) else subject
     return f"{name} {place.name} {list(task.arguments[1]) if name == 'measure_windows' else ''}".strip()
