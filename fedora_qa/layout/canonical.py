@@ -257,6 +257,7 @@ FASTEST_FLOW_HZ: Final = 1e6
 """Timestamps are whole microseconds: no interval is shorter."""
 
 
+@lru_cache(maxsize=4096)
 def is_flow_stream(stream: str) -> bool:
     """Whether a name is that of flow at a rate: ``flow/<R>hz``, R a decimal number above 0 and up to 1e6."""
     match = _FLOW_STREAM.fullmatch(stream)

@@ -337,7 +337,7 @@ class Window:
         if self.facts.events is not None and self.facts.events.unplaced:
             placed = has_place(times_ns)
             x, y, times_ns, p = x[placed], y[placed], times_ns[placed], p[placed]
-        if len(times_ns) and np.any(np.diff(times_ns) < 0):
+        if np.any(times_ns[1:] < times_ns[:-1]):
             # Stable: events of one timestamp keep their order in the file.
             order = np.argsort(times_ns, kind="stable")
             x, y, times_ns, p = x[order], y[order], times_ns[order], p[order]

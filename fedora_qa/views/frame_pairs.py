@@ -73,6 +73,10 @@ def flow_rate_of(window: Window) -> str | None:
 
     Mapped onto the grid of the flow, a colour frame must have the rows and columns of the stored flow.
     """
+    return window.derived(_flow_rate_of)
+
+
+def _flow_rate_of(window: Window) -> str | None:
     facts, optics = window.facts, _optics(window)
     if not facts.flow_streams or isinstance(optics, str):
         return None
