@@ -122,8 +122,7 @@ def fletcher32(words: NDArray[np.uint16], last: int) -> int:
         block = words[start : start + _WORDS_TOGETHER]
         total, by_weight = np.uint32(0), np.uint32(0)
         for i in range(len(block)):
-            # HDF5 takes the first byte of a pair as the high one (H5checksum.c), a little-endian read as the low one.
-            word = np.uint32(np.uint16(block[i] << 8) | np.uint16(block[i] >> 8))
+            word = np.uint32(block[i])
             total = np.uint32(total + word)
             by_weight = np.uint32(by_weight + np.uint32(word * np.uint32(len(block) - i)))
         # Sums s and W before a block of n words w_i, i from 0: s' = s + sum w_i, W' = W + n s + sum (n - i) w_i, modulo
@@ -131,7 +130,10 @@ def fletcher32(words: NDArray[np.uint16], last: int) -> int:
         weighted = (weighted + np.uint64(len(block)) * simple + np.uint64(by_weight)) % np.uint64(65535)
         simple = (simple + np.uint64(total)) % np.uint64(65535)
     if last >= 0:
-        # An odd last byte is the high byte of a word whose low byte is 0.
-        simple = (simple + np.uint64(last << 8)) % np.uint64(65535)
+        # An odd last byte is the first of a pair whose second byte is 0.
+        simple = (simple + np.uint64(last)) % np.uint64(65535)
         weighted = (weighted + simple) % np.uint64(65535)
-    return int(weighted) << 16 | int(simple)
+    # HDF5 takes the first byte of a pair as the high one (H5checksum.c), a little-endian read as the low one. To swap
+    # the bytes of a word is to multiply it by 256 modulo 2^16 - 1 (RFC 1071, 2 B), and so its sums.
+    swapped = np.uint64(256)
+    return int(swapped * weighted % np.uint64(65535)) << 16 | int(swapped * simple % np.uint64(65535))
