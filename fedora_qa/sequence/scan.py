@@ -422,25 +422,28 @@ def longest_steps(earlier: Iterable[EventStep], start: int, previous_ns: int, ti
     tuple
         Up to ``KEPT_STEPS`` of either direction.
     """
+    known = tuple(earlier)
     before_ns = np.concatenate([[previous_ns], times_ns[:-1]])
     steps_ns = times_ns - before_ns
-    of_block = (
-        EventStep(start + int(row), int(before_ns[row]), int(times_ns[row]))
-        for rows in (_largest(steps_ns), _largest(-steps_ns))
-        for row in rows
-    )
-    steps = (*earlier, *of_block)
-    forwards = sorted((step for step in steps if step.length_ns > 0), key=lambda step: -step.length_ns)
-    backwards = sorted((step for step in steps if step.length_ns < 0), key=lambda step: step.length_ns)
-    return tuple(sorted((*forwards[:KEPT_STEPS], *backwards[:KEPT_STEPS]), key=lambda step: step.row))
+    kept: list[EventStep] = []
+    for sign in (1, -1):
+        in_direction = [step for step in known if sign * step.length_ns > 0]
+        # Of equal steps the earlier one is kept, so that a block adds longer ones only.
+        least = min(sign * step.length_ns for step in in_direction) if len(in_direction) == KEPT_STEPS else 0
+        of_block = [
+            EventStep(start + int(row), int(before_ns[row]), int(times_ns[row]))
+            for row in _largest(sign * steps_ns, least)
+        ]
+        kept += sorted((*in_direction, *of_block), key=lambda step: -abs(step.length_ns))[:KEPT_STEPS]
+    return tuple(sorted(kept, key=lambda step: step.row))
 
 
-def _largest(values: Int64) -> NDArray[np.intp]:
-    """Return the positions of the largest values above zero; among equal values the earlier ones."""
-    rows: NDArray[np.intp] = np.flatnonzero(values > 0)
+def _largest(values: Int64, least: int) -> NDArray[np.intp]:
+    """Return the positions of the largest values above ``least``; among equal values the earlier ones."""
+    rows: NDArray[np.intp] = np.flatnonzero(values > least)
     if len(rows) > KEPT_STEPS:
         # Selection in linear time: a block holds 2^20 steps, of which eight are needed.
-        least = np.partition(values[rows], -KEPT_STEPS)[-KEPT_STEPS]
+        least = int(np.partition(values[rows], -KEPT_STEPS)[-KEPT_STEPS])
         # Among equal steps the earliest is taken, so that the result does not depend on the borders of blocks.
         above, equal = rows[values[rows] > least], rows[values[rows] == least]
         rows = np.sort(np.concatenate([above, equal[: KEPT_STEPS - len(above)]]))
