@@ -81,40 +81,42 @@ def _count_runs(
 ) -> None:
     """Add to ``counts`` (k, 3), as of ``straight_runs``; ``ends`` (k,) are the indices after each part's intervals."""
     for pixel in range(len(starts) - 1):
+        begin, end = starts[pixel], starts[pixel + 1]
         # Most pixels have too few events for any interval.
-        if starts[pixel + 1] - starts[pixel] >= FEWEST_EVENTS:
-            for part in range(len(ends)):
-                first = ends[part - 1] if part else 0
-                of_pixel = timestamped[starts[pixel] : starts[pixel + 1]]
-                _count_runs_of_pixel(of_pixel, intervals[first : ends[part]], tick, first_spacings, counts[part])
+        if end - begin < FEWEST_EVENTS:
+            continue
+        for part in range(len(ends)):
+            event, interval = begin, ends[part - 1] if part else 0
+            while event < end and interval < ends[part]:
+                start, stop = intervals[interval, 0], intervals[interval, 1]
+                time = timestamped[event] >> 1
+                if time > stop:
+                    interval += 1
+                    continue
+                if time <= start:
+                    event += 1
+                    continue
+                first = event
+                while event < end and timestamped[event] >> 1 <= stop:
+                    event += 1
+                count = event - first
+                if count < FEWEST_EVENTS or stop - start < count * LEAST_SPACING_TICKS * tick:
+                    continue
+                counts[part, 0] += 1
+                counts[part, 1] += _is_straight(timestamped, first, event, start, stop, tick, first_spacings)
+                counts[part, 2] += count
 
 
 @njit(cache=True)
-def _count_runs_of_pixel(timestamped: Int64, intervals: Int64, tick: int, first_spacings: float, counts: Int64) -> None:
-    """Add to ``counts`` (3,) the runs of the events of a pixel."""
-    event, interval = 0, 0
-    while event < len(timestamped) and interval < len(intervals):
-        start, stop = intervals[interval]
-        time = timestamped[event] >> 1
-        if time > stop:
-            interval += 1
-            continue
-        if time <= start:
-            event += 1
-            continue
-        first = event
-        while event < len(timestamped) and timestamped[event] >> 1 <= stop:
-            event += 1
-        count = event - first
-        if count < FEWEST_EVENTS or stop - start < count * LEAST_SPACING_TICKS * tick:
-            continue
-        counts[0] += 1
-        counts[2] += count
-        first_time, last_time = timestamped[first] >> 1, timestamped[event - 1] >> 1
-        spacing = (last_time - first_time) / (count - 1)
-        straight = first_time - start <= first_spacings * spacing + 2 * tick and stop - last_time <= spacing + 2 * tick
-        for i in range(first + 1, event):
-            # Timestamps are up to a tick late: so is the event, and so is the line through first and last event.
-            off = (timestamped[i] >> 1) - (first_time + spacing * (i - first))
-            straight &= abs(off) <= tick and (timestamped[i] & 1) == (timestamped[first] & 1)
-        counts[1] += straight
+def _is_straight(
+    timestamped: Int64, first: int, end: int, start: int, stop: int, tick: int, first_spacings: float
+) -> bool:
+    """Return whether the events of a pixel from ``first`` to before ``end`` lie on one line in (start, stop], ns."""
+    first_time, last_time = timestamped[first] >> 1, timestamped[end - 1] >> 1
+    spacing = (last_time - first_time) / (end - first - 1)
+    straight = first_time - start <= first_spacings * spacing + 2 * tick and stop - last_time <= spacing + 2 * tick
+    for i in range(first + 1, end):
+        # Timestamps are up to a tick late: so is the event, and so is the line through first and last event.
+        off = (timestamped[i] >> 1) - (first_time + spacing * (i - first))
+        straight &= abs(off) <= tick and (timestamped[i] & 1) == (timestamped[first] & 1)
+    return bool(straight)
