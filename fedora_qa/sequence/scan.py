@@ -422,12 +422,12 @@ def longest_steps(earlier: Iterable[EventStep], start: int, previous_ns: int, ti
     tuple
         Up to ``KEPT_STEPS`` of either direction.
     """
-    known = tuple(earlier)
+    longest = tuple(earlier)
     before_ns = np.concatenate([[previous_ns], times_ns[:-1]])
     steps_ns = times_ns - before_ns
     kept: list[EventStep] = []
     for sign in (1, -1):
-        in_direction = [step for step in known if sign * step.length_ns > 0]
+        in_direction = [step for step in longest if sign * step.length_ns > 0]
         # Of equal steps the earlier one is kept, so that a block adds longer ones only.
         least = min(sign * step.length_ns for step in in_direction) if len(in_direction) == KEPT_STEPS else 0
         of_block = [
