@@ -104,7 +104,8 @@ class RemoteBytes(io.RawIOBase):
 
     def close(self) -> None:
         """Close the file at the server."""
-        if not self.closed:
+        # The interpreter also closes a file that could not be opened, which has no server.
+        if not self.closed and hasattr(self, "_server"):
             self._server.close()
             self._blocks.clear()
         super().close()
