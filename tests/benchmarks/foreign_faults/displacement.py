@@ -158,3 +158,52 @@ def of_noisy_pose(file: h5py.File, plan: Plan) -> None:
     replace_values(file, "path/pose/orientation", attitude.as_quat())
     attributes = file["metadata/pose"].attrs
     attributes["position_sigma"] = attributes["rotation_sigma"] = np.float64(sigma)
+
+
+def per_frame(file: h5py.File, plan: Plan) -> None:
+    """Vectors are those of one frame period of colour, whatever the interval."""
+    period_us = float(np.median(np.diff(file["path/rgb_ts"][...])))
+    for key in KEYS:
+        values = file[key][...]
+        frames = np.diff(file[f"{key}_ts"][...], axis=1)[:, 0] / period_us
+        replace_values(file, key, (values / frames[:, None, None, None]).astype(values.dtype))
+
+
+def shrunk(file: h5py.File, plan: Plan) -> None:
+    """Fields were computed at a size so many times smaller, and enlarged without their vectors."""
+    for key in KEYS:
+        values = file[key][...]
+        replace_values(file, key, (values / plan.size).astype(values.dtype))
+
+
+def of_next_interval(file: h5py.File, plan: Plan) -> None:
+    """Each field belongs to the interval after its own; the last occurs twice."""
+    for key in KEYS:
+        values = file[key][...]
+        replace_values(file, key, np.concatenate([values[1:], values[-1:]]))
+
+
+def limited(file: h5py.File, plan: Plan) -> None:
+    """No component is longer than so many percent of the longest: integers of too few bits."""
+    for key in KEYS:
+        values = file[key][...]
+        limit = plan.size / 100 * float(np.nanmax(np.abs(values)))
+        replace_values(file, key, np.clip(values, -limit, limit).astype(values.dtype))
+
+
+def of_turning_alone(file: h5py.File, plan: Plan) -> None:
+    """Depth was in millimetres and the way in metres, so that the way moves nothing."""
+    position_m, attitude = _pose(file)
+    K = np.asarray(file["metadata/cameras/depth"].attrs["K"])
+    _replace(file, _computed(file, position_m / 1000, attitude, K))
+
+
+def on_late_grid(file: h5py.File, plan: Plan) -> None:
+    """Vectors stand at the pixels to which they lead: shifted by each field's mean, away from zero to whole pixels."""
+    for key in KEYS:
+        values = file[key][...]
+        for row, field in enumerate(values):
+            mean_px = np.nanmean(field, axis=(0, 1))
+            u, v = (np.sign(mean_px) * np.ceil(np.abs(mean_px))).astype(int)
+            values[row] = np.roll(field, (v, u), axis=(0, 1))
+        replace_values(file, key, values)

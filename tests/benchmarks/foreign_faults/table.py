@@ -2,7 +2,6 @@
 
 from typing import Final
 
-from tests.benchmarks.foreign.rows import FLOW_RATES
 from tests.benchmarks.foreign_faults import (
     cameras,
     clocks,
@@ -16,17 +15,19 @@ from tests.benchmarks.foreign_faults import (
 from tests.benchmarks.foreign_faults.composites import both
 from tests.benchmarks.foreign_faults.inertial import ACCELEROMETER, GYRO
 from tests.benchmarks.foreign_faults.kind import EXACT_SCENES, QUIET_SCENES, Kind, Range
+from tests.benchmarks.foreign_faults.paths import (
+    CAMERA,
+    COLOUR_MAP,
+    DEPTH_MAP,
+    EVENT_TIME,
+    EVENTS,
+    FLOW,
+    IMU,
+    MAPS,
+    POSE,
+)
+from tests.benchmarks.foreign_faults.pipelines import PIPELINES
 from tests.benchmarks.foreign_faults.poses import ORIENTATION, POSITION
-
-MAPS: Final = ("metadata/rgb_to_event", "metadata/depth_to_event")
-COLOUR_MAP, DEPTH_MAP = MAPS
-FLOW: Final = tuple(f"path/flow/{rate}" for rate in FLOW_RATES)
-IMU: Final = (GYRO, ACCELEROMETER)
-POSE: Final = (POSITION, ORIENTATION)
-EVENTS: Final = ("path/events", *MAPS)
-EVENT_TIME: Final = ("path/events/t", *MAPS)
-ALL_EVENTS_TIME: Final = ("path/events", *MAPS)
-CAMERA: Final = "metadata/cameras/"
 
 _CLOCKS: Final = (
     Kind("colour stamped when received", clocks.delayed("rgb"), ("path/rgb_ts", *MAPS), ("rgb:time_offset",),
@@ -81,9 +82,9 @@ _CLOCKS: Final = (
     Kind("event counter wraps at 16 bits", clocks.counter_wrap("events"), ("path/events/t",), (),
          "Packets of AER whose high words are lost.", Range(4.1, 12.7, "us"),
          debatable="unsorted describes the timestamps, but sorting does not repair them"),
-    Kind("events jitter", clocks.jittering("events"), ALL_EVENTS_TIME, ("events:time_jitter",),
+    Kind("events jitter", clocks.jittering("events"), EVENTS, ("events:time_jitter",),
          "Arbiters under load, or stamps by software.", Range(0.37, 4.1, "ms")),
-    Kind("events jitter for a while", clocks.jittering("events"), ALL_EVENTS_TIME, ("events:time_jitter",),
+    Kind("events jitter for a while", clocks.jittering("events"), EVENTS, ("events:time_jitter",),
          "An arbiter that is overloaded while the camera turns.", Range(0.7, 7, "ms"), local=True),
     Kind("IMU stamps jitter", clocks.jittering("imu"), ("path/imu",), (),
          "A polled bus without hardware stamps.", Range(0.11, 0.43, "ms")),
@@ -436,4 +437,7 @@ _COMPOSITES: Final = (
          "A renderer's range image, and a nominal threshold.", Range(9, 41, "%", signed=True), composite=True),
 )  # fmt: skip
 
-KINDS: Final = (*_CLOCKS, *_INDEX_MAPS, *_EVENTS, *_COLOUR, *_DEPTH, *_FLOW, *_IMU, *_POSE, *_CAMERAS, *_COMPOSITES)
+KINDS: Final = (
+    *(*_CLOCKS, *_INDEX_MAPS, *_EVENTS, *_COLOUR, *_DEPTH, *_FLOW, *_IMU, *_POSE, *_CAMERAS, *_COMPOSITES),
+    *PIPELINES,
+)
