@@ -5,7 +5,7 @@ from typing import Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.diagnosis.candidates import FITS, CauseCandidate
-from fedora_qa.diagnosis.direct import is_declared, is_direct, is_local
+from fedora_qa.diagnosis.direct import check_of_code, is_declared, is_direct, is_local
 from fedora_qa.diagnosis.proposed_faults import is_testable
 from fedora_qa.diagnosis.trial import UndoTrial
 from fedora_qa.record.types import DiagnosisStatus
@@ -59,6 +59,26 @@ def is_excluded(candidate: CauseCandidate, codes: Mapping[str, str], trials: Tri
     return trial is not None and trial.fails and is_conclusive(candidate, codes)
 
 
+def clears_by_chance(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial) -> bool:
+    """Whether what a trial clears is no evidence: no check proposes the cause well, and the same checks leave some.
+
+    A fault changes what it has nothing to do with, and of several findings of one check, one just beyond its limit may
+    fall within it. A fault that is the cause takes all findings of such a check.
+
+    Parameters
+    ----------
+    candidate
+        With the support that it had before trials.
+    codes
+        Of all findings, by their id.
+    trial
+        Of its fault.
+    """
+    left = {check_of_code(codes[finding]) for finding in trial.left}
+    cleared = {check_of_code(codes[finding]) for finding in trial.cleared}
+    return candidate.best_support < FITS and bool(cleared) and cleared <= left
+
+
 def has_evidence(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
     """Whether undoing a candidate clears findings, or a check measures the cause itself.
 
@@ -73,7 +93,7 @@ def has_evidence(candidate: CauseCandidate, codes: Mapping[str, str], trials: Tr
     """
     trial = trials.get(candidate.key)
     if trial is not None and trial.cleared:
-        return True
+        return not clears_by_chance(candidate, codes, trial)
     untested = trial is None or not is_conclusive(candidate, codes)
     supported = (finding for finding, h in candidate.evidence.items() if h.support >= FITS)
     return untested and any(is_direct(candidate.cause, codes[finding]) for finding in supported)
@@ -104,7 +124,7 @@ def status_of(
     """
     trial = trials.get(candidate.key)
     has_own = has_evidence(candidate, codes, trials)
-    if trial is None or not trial.cleared:
+    if trial is None or not trial.cleared or clears_by_chance(candidate, codes, trial):
         return ("supported" if has_own else "suggested"), []
     # A fault of all rates of flow and the same fault of one rate are no rivals.
     others = [

@@ -20,13 +20,14 @@ from fedora_qa.diagnosis.candidates import CONTENDS, FITS, UNKNOWN, CauseCandida
 from fedora_qa.diagnosis.coincidence import ClockPlace
 from fedora_qa.diagnosis.conclusion import (
     Trials,
+    clears_by_chance,
     has_evidence,
     is_conclusive,
     is_excluded,
     status_of,
 )
 from fedora_qa.diagnosis.confidence import confidence_of
-from fedora_qa.diagnosis.direct import is_direct
+from fedora_qa.diagnosis.direct import check_of_code, is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
 from fedora_qa.diagnosis.trial import UndoTrial
@@ -211,19 +212,15 @@ def _size_by_trial(cause: str, fitted: float | None, of_fault: float | None) -> 
 
 def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:
     """Return the weight of each finding: each check counts once, by the mean of its findings."""
-    checks = {alarm.finding.id: _check_of(alarm.finding.code) for alarm in alarms}
+    checks = {alarm.finding.id: check_of_code(alarm.finding.code) for alarm in alarms}
     findings_of_check = Counter(checks.values())
     return {finding: 1.0 / findings_of_check[check] for finding, check in checks.items()}
 
 
-def _check_of(code: str) -> str:
-    """Return the name of the check of a finding, by its code."""
-    return code.rpartition(".")[0]
-
-
 def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial | None) -> CauseCandidate:
     """Return a candidate with the support that a trial measured."""
-    if trial is None or not (trial.cleared or is_conclusive(candidate, codes)):
+    is_chance = trial is not None and clears_by_chance(candidate, codes, trial)
+    if trial is None or is_chance or not (trial.cleared or is_conclusive(candidate, codes)):
         # A measurement of the cause itself is worth as much as a trial.
         certain = {
             finding: replace(h, support=1.0)
@@ -233,7 +230,7 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
         return replace(candidate, evidence={**candidate.evidence, **certain})
     evidence = dict(candidate.evidence)
     # A fault that clears all that the windows show, of several checks, clears nothing by chance.
-    clears_all = trial.succeeds and not trial.left and len({_check_of(codes[f]) for f in trial.cleared}) > 1
+    clears_all = trial.succeeds and not trial.left and len({check_of_code(codes[f]) for f in trial.cleared}) > 1
     for finding in trial.cleared:
         # Deviations that only the trial has brought about count against it.
         cleared = len(trial.cleared) / (len(trial.cleared) + len(trial.caused) + len(trial.crashed))

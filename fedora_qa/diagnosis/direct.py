@@ -18,7 +18,7 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "dead_region": ("event_response.conservation",),
         "hot_pixels": ("event_stream.rates",),
         "quaternion_not_unit": ("pose.orientation",),
-        "teleport": ("pose.continuity",),
+        "teleport": ("pose.continuity", "pose.noise"),
         "interpolated_pose": ("pose.continuity",),
         "noise_misdeclared": ("imu.noise", "pose.noise", "event_response.conservation"),
         # A ratio of noise that is just the factor of a unit.
@@ -62,6 +62,11 @@ _LOCAL_RULES: Final = frozenset(
 )
 
 
+def check_of_code(code: str) -> str:
+    """Return the name of the check of a finding, by its code ``<subject>.<property>.<rule>``."""
+    return code.rpartition(".")[0]
+
+
 def is_local(code: str) -> bool:
     """Whether a finding, by its code, is the deviation of a place or of some time, not of the whole file."""
     check, _, rule = code.rpartition(".")
@@ -75,4 +80,4 @@ def is_declared(code: str) -> bool:
 
 def is_direct(cause: str, code: str) -> bool:
     """Whether a finding, by its code, is of a check that measures the cause itself."""
-    return code.rpartition(".")[0] in _CHECKS.get(cause, ())
+    return check_of_code(code) in _CHECKS.get(cause, ())

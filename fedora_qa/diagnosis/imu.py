@@ -22,7 +22,7 @@ from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.inertial_features import BiasOfPart, InertialConventionTrial, MotionKind
+from fedora_qa.views.inertial_features import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 
 _LEAST_EXPLAINED: Final = 0.5
 """Explained share above which a group of parameters becomes a rival of the freed one."""
@@ -103,17 +103,17 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
 
 
 def _of_part(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
-    """Return a bias of a part of the sequence, where it explains nearly all of the residuals."""
+    """Return a bias of a part of the sequence, or one that drifts, where it explains nearly all of the residuals."""
     return tuple(
         Hypothesis(
-            "gyro_bias" if part.kind == "rotation" else "accel_bias",
+            "gyro_bias" if bias.kind == "rotation" else "accel_bias",
             "imu",
-            support("imu.bias_of_part") * part.explained,
-            signed_length(part.bias),
-            "rad/s" if part.kind == "rotation" else "m/s^2",
+            support("imu.bias_of_part") * bias.explained,
+            signed_length(bias.bias if isinstance(bias, BiasOfPart) else bias.largest),
+            "rad/s" if bias.kind == "rotation" else "m/s^2",
         )
-        for part in features
-        if isinstance(part, BiasOfPart)
+        for bias in features
+        if isinstance(bias, BiasOfPart | DriftingBias)
     )
 
 

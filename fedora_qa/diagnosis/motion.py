@@ -15,6 +15,7 @@ from fedora_qa.views.sample_defects import (
     ComponentNoise,
     ExcessNoise,
     LinearInterpolation,
+    LoneSamples,
     RepeatedSamples,
     SampleClockDrift,
     SampleClockGrid,
@@ -44,6 +45,8 @@ def defect_hypotheses(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
             case RepeatedSamples(stream, count):
                 strength = support("motion.repeated_samples")
                 hypotheses.append(Hypothesis("frozen_frames", stream, strength, float(count), "samples"))
+            case LoneSamples(stream, _, largest_m):
+                hypotheses.append(Hypothesis("teleport", stream, support("motion.lone_samples"), largest_m, "m"))
             case ComponentNoise(stream):
                 strength = support("motion.noise_of_components")
                 hypotheses.append(Hypothesis("quaternion_not_unit", stream, strength))

@@ -32,7 +32,7 @@ from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_parameter_fit import FlowParameterFit
-from fedora_qa.views.inertial_features import BiasOfPart, InertialConventionTrial, MotionKind
+from fedora_qa.views.inertial_features import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 from fedora_qa.views.transfer_codes import CodesBent
 
 Faults = Iterator[ReversibleFault]
@@ -306,15 +306,21 @@ def _gravity(fit: FittedCause) -> Faults:
 def _gyro_bias(fit: FittedCause) -> Faults:
     for part, rows in _biases_of_parts(fit, "rotation"):
         yield motion.GyroBias(part, rows)
-    if bias := vector("bias", fit.results.get("imu.rotation")):
+    if not _drifts(fit, "rotation") and (bias := vector("bias", fit.results.get("imu.rotation"))):
         yield motion.GyroBias(bias)
 
 
 def _accel_bias(fit: FittedCause) -> Faults:
     for part, rows in _biases_of_parts(fit, "translation"):
         yield motion.AccelBias(part, rows)
-    if bias := vector("bias", fit.results.get("imu.translation")):
+    if not _drifts(fit, "translation") and (bias := vector("bias", fit.results.get("imu.translation"))):
         yield motion.AccelBias(bias)
+
+
+def _drifts(fit: FittedCause, kind: MotionKind) -> bool:
+    """Whether a bias drifts, so that none that is constant undoes it."""
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    return any(isinstance(feature, DriftingBias) and feature.kind == kind for feature in features)
 
 
 def _biases_of_parts(fit: FittedCause, kind: MotionKind) -> Iterator[tuple[Vector3, RowRange]]:

@@ -75,7 +75,7 @@ class _Round:
         hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in bench.alarms}
         places = places_of_clocks(facts)
         candidates = rank_candidates(bench.alarms, hypotheses, bench.run.strict, places)
-        return _Round(bench, hypotheses, places, run_trials(bench, candidates, progress))
+        return _Round(bench, hypotheses, places, run_trials(bench, candidates, places, progress))
 
     def explanation(self, trials: Trials | None = None) -> CauseExplanation:
         """Return the causes by the trials of the round, or by others."""

@@ -17,8 +17,10 @@ from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
+from fedora_qa.diagnosis.coincidence import ClockPlace
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.diagnosis.trial import HALF, DeviationChange, UndoTrial
+from fedora_qa.diagnosis.vetoes import contradicts
 from fedora_qa.engine.altered import PlainRun, WindowPass
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
@@ -426,6 +428,8 @@ class _Inquiry:
         The cause.
     bench
         Undoes its mechanisms.
+    places
+        Of the clocks.
     best
         The trial that clears most.
     size
@@ -434,6 +438,7 @@ class _Inquiry:
 
     candidate: CauseCandidate
     bench: TrialBench
+    places: Mapping[str, ClockPlace]
     best: UndoTrial | None = field(init=False, default=None)
     size: float | None = field(init=False)
     _waiting: Iterator[ReversibleFault] = field(init=False)
@@ -476,7 +481,8 @@ class _Inquiry:
         # Secant: with d deviations of d0 without and d1 with the size undone, d vanishes at size d0 / (d0 - d1).
         ratio = self.best.left[sized_by]
         again = self.size / (1.0 - ratio) if ratio < _STRAIGHT else self.size
-        if abs(again - self.size) <= _SIZED * abs(self.size):
+        cause, stream, results = self.candidate.cause, self.candidate.stream, self.bench.run.strict
+        if abs(again - self.size) <= _SIZED * abs(self.size) or contradicts(cause, stream, again, results, self.places):
             return False
         self.size, self._is_refitted = again, True
         self._waiting = self._mechanisms()
@@ -484,7 +490,7 @@ class _Inquiry:
 
 
 def run_trials(
-    bench: TrialBench, candidates: Sequence[CauseCandidate], progress: Progress
+    bench: TrialBench, candidates: Sequence[CauseCandidate], places: Mapping[str, ClockPlace], progress: Progress
 ) -> dict[tuple[str, str], UndoTrial]:
     """Undo the faults of candidates, best supported first; return the best trial of each by cause and stream.
 
@@ -493,7 +499,7 @@ def run_trials(
     """
     # Only rivals of the best supported candidate are of interest, and then of a fault that clears all that is shown.
     least = CONTENDS * candidates[0].total_support if candidates else 0.0
-    inquiries = [_Inquiry(candidate, bench) for candidate in candidates]
+    inquiries = [_Inquiry(candidate, bench, places) for candidate in candidates]
     waiting = inquiries
     while waiting:
         going_on = []

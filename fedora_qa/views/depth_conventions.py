@@ -177,7 +177,8 @@ def _with_other_depth(pair: DepthPair) -> Iterator[_Candidate]:
     yield _Candidate("ray_length", pair.images, _only(pair.as_rays(1.0)))
     for images in _either(pair, _images(pair, lambda d: d / ray_lengths(pair.model().K, pair.model().lens, d.shape))):
         yield _Candidate("ray_length", images, _only(pair.model()), "part")
-    for flip in (lambda d: d[:, ::-1], lambda d: d[::-1]):
+    # From right to left, from bottom to top, and both, as of a camera that hangs upside down.
+    for flip in (lambda d: d[:, ::-1], lambda d: d[::-1], lambda d: d[::-1, ::-1]):
         flipped = _images(pair, flip)
         yield _Candidate("mirrored", flipped, _only(pair.model()))
         for images in _either(pair, flipped):

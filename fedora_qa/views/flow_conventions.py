@@ -161,9 +161,14 @@ def _with_other_flow(
     for factor in (ratio, 2.0, 0.5):
         if factor > 0 and all(abs(factor / unit - 1) > _ANOTHER_GAIN for unit in units):
             yield transformed("scaled", flow / factor, 100 * (factor - 1))
-    for columns, rows in ((width - 1 - column, row), (column, height - 1 - row)):
+    for columns, rows, signs_of_vectors in (
+        (width - 1 - column, row, (-1, 1)),
+        (column, height - 1 - row, (1, -1)),
+        (width - 1 - column, height - 1 - row, (-1, -1)),
+    ):
         depths_m = _depths_at(window.depth_m(frame), columns, rows)
-        for signs in ((1, 1), (-1, 1), (1, -1)):
+        # The vectors stay as they are, or are mirrored with the image.
+        for signs in ((1, 1), signs_of_vectors):
             mirror = replace(
                 sample, columns=columns.astype(np.float64), rows=rows.astype(np.float64), depths_m=depths_m
             )
@@ -215,8 +220,13 @@ def _with_other_depth(
     yield transformed("triangulated_depth", np.where(by_flow_m > 0, by_flow_m, np.nan))
     column, row = sample.columns.astype(int), sample.rows.astype(int)
     stored = window.depth_m(frame)
-    width = stored.shape[1]
-    yield transformed("mirrored", _depths_at(stored, width - 1 - column, row))
+    height, width = stored.shape
+    for columns, rows in (
+        (width - 1 - column, row),
+        (column, height - 1 - row),
+        (width - 1 - column, height - 1 - row),
+    ):
+        yield transformed("mirrored", _depths_at(stored, columns, rows))
     for shift in _SHIFTS_PX:
         for dx, dy in ((shift, 0), (0, shift), (shift, shift)):
             yield transformed("shifted_pixels", _depths_at(stored, column + dx, row + dy), float(shift))

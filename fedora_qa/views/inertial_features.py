@@ -55,3 +55,22 @@ class BiasOfPart(Feature):
     start_ns: float
     stop_ns: float
     explained: float
+
+
+@dataclass(frozen=True, slots=True)
+class DriftingBias(Feature):
+    """A bias that changes evenly with time and removes nearly all of the residuals, as no constant one does.
+
+    Attributes
+    ----------
+    kind
+        Kind of the comparison.
+    largest
+        (3,) the longer one of the biases at both ends, along the axes of the sensor, rad/s or m/s^2.
+    explained
+        Share of the squares beyond noise that it removes, 0 to 1.
+    """
+
+    kind: MotionKind
+    largest: tuple[float, float, float]
+    explained: float

@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import displaced_part, rounding_grid_ns
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
-from fedora_qa.estimators.imu.local_motion import CurvatureEvenness, VectorSamples, find_interpolation, repeated_samples
+from fedora_qa.estimators.imu.local_motion import (
+    CurvatureEvenness,
+    VectorSamples,
+    find_interpolation,
+    lone_samples,
+    repeated_samples,
+)
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
@@ -113,6 +119,25 @@ class RepeatedSamples(Feature):
 
 
 @dataclass(frozen=True, slots=True)
+class LoneSamples(Feature):
+    """Single samples lie off the motion of those on both sides, and all others on it: what is off at times is no noise.
+
+    Attributes
+    ----------
+    stream
+        ``pose``.
+    count
+        Number of such samples.
+    largest_m
+        Largest distance of a position from the motion, m.
+    """
+
+    stream: str
+    count: int
+    largest_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class ComponentNoise(Feature):
     """Noise was added to the components of quaternions: lengths scatter by half as much as rotations, in rad.
 
@@ -172,6 +197,21 @@ def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
     )
 
 
+def held_imu(imu: ImuSamples) -> tuple[Feature, ...]:
+    """Return the repeats of an IMU most of whose samples equal the one before, as those of a lower rate that are held.
+
+    Held samples are late by half of the time for which they are held, which is no offset of the clock.
+    """
+    count = len(frozen_imu(imu))
+    return (RepeatedSamples("imu", count),) if 2 * count > len(imu.times_ns) else ()
+
+
+def lone_poses(poses: PoseSamples) -> LoneSamples | None:
+    """Return the positions that single poses have beside the motion; None where there are none, or a run of them."""
+    rows, distances_m = lone_samples(poses.times_ns, VectorSamples(poses.positions_world_m))
+    return LoneSamples("pose", len(rows), float(distances_m.max())) if len(rows) else None
+
+
 def timestamp_defects(facts: Facts, *streams: str) -> tuple[Feature, ...]:
     """Return the defects that follow from timestamps alone, at most one of each stream.
 
@@ -218,8 +258,8 @@ def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Fe
     """Return the defects of the poses themselves, which disturb estimates from them.
 
     Defects of timestamps are tested first. A coarse grid has the effects of straight lines, repeats and noise, so these
-    are then not tested. Noise is not tested where straight lines or repeats were detected. Noise of components is more
-    than its excess over the declaration, which is then not stated.
+    are then not tested. Noise is not tested where straight lines, repeats or lone poses were detected. Noise of
+    components is more than its excess over the declaration, which is then not stated.
 
     Parameters
     ----------
@@ -246,6 +286,8 @@ def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Fe
     frozen = frozen_poses(poses)
     if len(frozen):
         features.append(RepeatedSamples("pose", len(frozen)))
+    if not features and (lone := lone_poses(poses)):
+        features.append(lone)
     if not features:
         position_m, rotation_rad = measured_pose_sigmas(poses)
         stored = facts.steps.get("path/pose/orientation", StoredStep())

@@ -139,7 +139,7 @@ def test_every_cause_is_tried_before_a_second_mechanism_of_any() -> None:
     hypotheses = [Hypothesis("mirrored", "events", 0.9), Hypothesis("mirrored", "rgb", 0.6)]
     candidates = [CauseCandidate(h.cause, h.stream, {"F1": h}, {"F1": 1.0}) for h in hypotheses]
     bench: Any = Notebook()
-    assert run_trials(bench, candidates, quiet) == {}
+    assert run_trials(bench, candidates, {}, quiet) == {}
     ways = [(stream, way) for way in ("horizontal", "vertical", "both") for stream in ("events", "rgb")]
     assert bench.undone == [Mirroring(stream, way) for stream, way in ways]
 
@@ -166,7 +166,8 @@ def test_work_is_bounded_by_the_run_itself(small_park_day: Path, tmp_path: Path)
         )  # fmt: skip
         bench = TrialBench.of(alarms, file.asked, run)
         hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
-        trials = run_trials(bench, rank_candidates(alarms, hypotheses, strict, places_of_clocks(facts)), quiet)
+        places = places_of_clocks(facts)
+        trials = run_trials(bench, rank_candidates(alarms, hypotheses, strict, places), places, quiet)
         assert trials["time_offset", "events"].succeeds
         assert 0 < bench.work.done <= len(file.chosen) * len(file.asked)
         # The opposite of the fault clears nothing.

@@ -24,9 +24,9 @@ from fedora_qa.views.inertial_agreement import (
     is_implausible,
     streams_of,
 )
-from fedora_qa.views.inertial_features import BiasOfPart, InertialConventionTrial, MotionKind
+from fedora_qa.views.inertial_features import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 from fedora_qa.views.motion_samples import location_of, pose_model
-from fedora_qa.views.sample_defects import frozen_imu, frozen_poses, pose_defects, timestamp_defects
+from fedora_qa.views.sample_defects import frozen_imu, frozen_poses, held_imu, pose_defects, timestamp_defects
 
 _DEGREES: Final = float(np.degrees(1.0))
 
@@ -185,11 +185,15 @@ def agreement_observation(
     defects: tuple[Feature, ...] = (
         *((trial,) if trial else ()),
         *timestamp_defects(facts, "imu"),
+        *held_imu(streams.imu),
         *pose_defects(facts, streams.poses, pose_model(facts, streams.poses)),
     )
     if part := fit.partial_bias:
         start_ns, stop_ns = (streams.origin_ns + NS_PER_S * end_s for end_s in (part.start_s, part.stop_s))
         defects = (*defects, BiasOfPart(kind, part.bias, start_ns, stop_ns, part.explained))
+    elif drift := fit.bias_drift:
+        x, y, z = max(drift.first, drift.last, key=lambda bias: sum(value**2 for value in bias))
+        defects = (*defects, DriftingBias(kind, (x, y, z), drift.explained))
     smoothness = ResidualSmoothness(max(fit.smoothness, 0.0))
 
     rms, expected = factor * fit.rms, factor * fit.expected_rms

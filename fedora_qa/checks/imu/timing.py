@@ -22,7 +22,7 @@ from fedora_qa.views.inertial_agreement import (
     streams_of,
 )
 from fedora_qa.views.inertial_features import MotionKind
-from fedora_qa.views.sample_defects import timestamp_defects
+from fedora_qa.views.sample_defects import held_imu, timestamp_defects
 
 _RESOLVED_SIGMAS: Final = 6.0
 """Least half interval, in standard errors of the offset, that is distinguishable from no offset."""
@@ -96,6 +96,7 @@ class ImuTiming(WindowCheck[WindowMotion]):
             reason = "IMU and pose cannot be compared: see imu.rotation, imu.translation"
             return Observation(coverage, unobservable=reason)
         of_timestamps = timestamp_defects(facts, "imu", "pose")
+        defects = (*of_timestamps, *held_imu(streams.imu))
         statistics: list[Statistic] = []
         for name in TIMING_TEXTS:
             fitted = {kind: fit.parameters[name] for kind, fit in fits.items()}
@@ -109,7 +110,7 @@ class ImuTiming(WindowCheck[WindowMotion]):
                 standard_error=float(information.sum() ** -0.5),
                 model_error=float(weights @ [parameter.model_error for parameter in fitted.values()]),
             )
-            statistics.append(parameter_statistics(stated, self.name, {name: average}, TIMING_TEXTS, of_timestamps)[0])
+            statistics.append(parameter_statistics(stated, self.name, {name: average}, TIMING_TEXTS, defects)[0])
         notices: tuple[Notice, ...] = ()
         if not of_timestamps and (facts.declared.imu or ImuModel()).sampling == "instant":
             offset = statistics[0]
@@ -133,6 +134,6 @@ class ImuTiming(WindowCheck[WindowMotion]):
             fits[most_precise],
             "time_offset",
             TIMING_TEXTS["time_offset"],
-            of_timestamps,
+            defects,
         )
         return Observation(coverage, (*statistics, *local), notices)

@@ -114,7 +114,15 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
     # wrong.
     local = share_off <= 0.5
     trials = [feature for feature in features if isinstance(feature, ConventionTrial)]
-    conventions = convention_hypotheses(rate, trials, flow, share_off=share_off)
+    # Flow of the same sequence follows the recomputed flow.
+    correlation = max((fit.correlation for fit in features if isinstance(fit, FlowGainFit)), default=0.0)
+    unrelated = min((1.0 - correlation**2) / _UNRELATED, 1.0)
+    conventions = [
+        replace(hypothesis, support=hypothesis.support * unrelated)
+        if hypothesis.cause == "other_sequence"
+        else hypothesis
+        for hypothesis in convention_hypotheses(rate, trials, flow, share_off=share_off)
+    ]
     for stream, repeats in ((flow, extent.repeats_of_flow), ("depth", extent.repeats_of_depth)):
         if repeats:
             of_repeats = 1.0 if local else support("flow_geometry.repeats_of_most_off")
@@ -151,11 +159,7 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
     correction = next((feature for feature in features if isinstance(feature, FreeMotionCorrection)), None)
     poses: list[Hypothesis] = []
     if correction is not None and not is_noisy(declared.pose) and not extent.in_part:
-        # Flow of the same sequence follows the recomputed flow.
-        correlation = max((fit.correlation for fit in features if isinstance(fit, FlowGainFit)), default=0.0)
-        poses = _of_the_poses(
-            correction, extent.count, flow, local=local, unrelated=min((1.0 - correlation**2) / _UNRELATED, 1.0)
-        )
+        poses = _of_the_poses(correction, extent.count, flow, local=local, unrelated=unrelated)
     any_pose = tuple(hypothesis for hypothesis in poses if hypothesis.cause == ANY_CAUSE)
     named_poses = (hypothesis for hypothesis in poses if hypothesis.cause != ANY_CAUSE)
     named = most_probable([*conventions, *parameters, *named_poses])

@@ -42,6 +42,13 @@ _ROUNDINGS: Final = 16.0
 """Units of rounding by which neighbours of a steady motion may differ. The rotation of a vector takes fifteen
 operations (nine products, six sums), each of which errs by at most half a unit, in either neighbour."""
 
+_LONE: Final = 20.0
+"""Medians of the distance of a sample from the middle of its neighbours above which it lies off. The length of normal
+noise of three axes exceeds four medians in one of 1e9 samples; a motion is left."""
+
+_ROWS_OF_TWO: Final = 6
+"""Most rows in succession that two lone samples beside each other disturb: a motion is longer."""
+
 _FEWEST_PERIODS: Final = 16
 """Least number of knots for a median of the curvature at them."""
 
@@ -381,6 +388,47 @@ def repeated_samples(*samples: Float64, roundings: Sequence[float]) -> Indices:
     padded = np.concatenate(([False], moves, [False]))  # padded[i] is the change before change i
     runs = [np.arange(a, b) + 1 for a, b in zip(starts, stops, strict=True) if padded[a] or padded[b + 1]]
     return np.concatenate(runs) if runs else np.empty(0, dtype=np.intp)
+
+
+def lone_samples(times_ns: Int64, curve: SampledCurve) -> tuple[Indices, Float64]:
+    """Return the samples that lie off the motion of their neighbours one by one, and their distances from it.
+
+    The second difference at a sample that lies off by d is -2 d, and d at both neighbours. Of noise, and of a motion
+    that speeds up for a while, second differences are large in many rows, or in runs of them.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps, ns, strictly increasing.
+    curve
+        The N samples.
+
+    Returns
+    -------
+    rows : (n,) array
+        Of the samples that lie off; empty where there are none, too many, or any beside another.
+    distances : (n,) array
+        From the middle of the two neighbours, in the unit of the curve.
+    """
+    stencils = _stencils(times_ns, 3)
+    none: Indices = np.empty(0, dtype=np.intp)
+    if len(stencils) < _FEWEST_PERIODS:
+        return none, np.empty(0)
+    vectors = curve.relative_vectors(stencils, 1)
+    distances = np.linalg.norm(vectors[:, 0] + vectors[:, 2], axis=1) / 2
+    # Half of all rows are quiet even where a fifth of the samples lie off.
+    off = distances > _LONE * max(float(np.median(distances)), np.finfo(np.float64).tiny)
+    starts = np.flatnonzero(np.diff(np.r_[0, off.astype(np.int8)]) == 1)
+    stops = np.flatnonzero(np.diff(np.r_[off.astype(np.int8), 0]) == -1) + 1
+    if not len(starts) or off.sum() > len(off) / 2 or np.any(stops - starts > _ROWS_OF_TWO):
+        return none, np.empty(0)
+    # The largest row of each run is that of the sample: its neighbours show half of the distance.
+    largest = np.array(
+        [start + int(np.argmax(distances[start:stop])) for start, stop in zip(starts, stops, strict=True)]
+    )
+    neighbours = np.clip(largest[:, None] + [-1, 1], 0, len(off) - 1)
+    lone = largest[off[neighbours].all(axis=1)]
+    return stencils[lone, 1], distances[lone]
 
 
 def find_interpolation(times_ns: Int64, curve: SampledCurve, *, resolution: float) -> CurvatureEvenness | None:

@@ -64,6 +64,23 @@ class PartialBias:
     explained: float
 
 
+@dataclass(frozen=True, slots=True)
+class BiasDrift:
+    """A bias of the sensor that changes evenly from the first sample to the last.
+
+    Attributes
+    ----------
+    first, last
+        (3,) at either end, along the axes of the sensor, in its unit.
+    explained
+        Share of the weighted squares beyond noise that it removes, 0 to 1.
+    """
+
+    first: tuple[float, ...]
+    last: tuple[float, ...]
+    explained: float
+
+
 def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> PartialBias | None:
     """Return the part of the sequence whose bias removes most of the residuals.
 
@@ -135,6 +152,43 @@ def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> Partia
             middles_s[last - _PARTLY - 1] + step_s / 2 + step_s * shares[last - _PARTLY : last + _PARTLY].sum()
         )
     return PartialBias((float(bias[0]), float(bias[1]), float(bias[2])), start_s, stop_s, explained)
+
+
+def bias_drift(segments: Sequence[ComparisonRows]) -> BiasDrift | None:
+    """Return the bias that changes evenly with time and removes nearly all of the residuals.
+
+    Parameters
+    ----------
+    segments
+        Rows of the samples as declared, in the order of time.
+
+    Returns
+    -------
+    BiasDrift or None
+        None where it leaves more than little, or a bias without a drift removes as much.
+    """
+    residuals = np.concatenate([rows.residuals / rows.sigmas for rows in segments])
+    jacobians = np.concatenate([rows.bias_jacobians / rows.sigmas[..., np.newaxis] for rows in segments])
+    times_s = np.concatenate([rows.times_s for rows in segments])
+    if len(residuals) < _FEWEST_ROWS or times_s[-1] <= times_s[0]:
+        return None
+    # b(t) = (1 - s) b_first + s b_last, s from 0 to 1.
+    share = ((times_s - times_s[0]) / (times_s[-1] - times_s[0]))[:, np.newaxis, np.newaxis]
+    total = float(np.sum(residuals**2))
+    targets = residuals.ravel()
+    drifting = np.concatenate([(1 - share) * jacobians, share * jacobians], axis=2).reshape(-1, 6)
+    solved = np.linalg.lstsq(drifting, targets, rcond=None)[0]
+    constant = np.linalg.lstsq(jacobians.reshape(-1, 3), targets, rcond=None)[0]
+    left = float(np.sum((targets - drifting @ solved) ** 2))
+    left_by_constant = float(np.sum((targets - jacobians.reshape(-1, 3) @ constant) ** 2))
+    # Noise alone leaves a square of one a residual, which no bias removes; of less than as much again nothing is said.
+    beyond_noise = total - targets.size
+    if beyond_noise < targets.size or total - left < _LEAST_EXPLAINED * beyond_noise:
+        return None
+    if total - left_by_constant >= _LEAST_EXPLAINED * beyond_noise:
+        return None
+    first, last = (tuple(float(value) for value in part) for part in (solved[:3], solved[3:]))
+    return BiasDrift(first, last, min((total - left) / beyond_noise, 1.0))
 
 
 def _sums_before(values: Float64) -> Float64:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.grouped_fit import GroupedFit, ParameterEstimate
 from fedora_qa.estimators.fitting.sensitivity import SensitivityRange, sensitivity_range
-from fedora_qa.estimators.imu.partial_bias import PartialBias, partial_bias
+from fedora_qa.estimators.imu.partial_bias import BiasDrift, PartialBias, bias_drift, partial_bias
 from fedora_qa.estimators.imu.samples import ComparisonRows
 
 Float64 = NDArray[np.float64]
@@ -116,6 +116,8 @@ class InertialFit:
     partial_bias
         The part of the sequence whose bias removes most of the residuals as declared; None where that is the whole
         sequence.
+    bias_drift
+        The bias that changes evenly and removes nearly all of them; None where none does, or a constant one does.
     """
 
     parameters: Mapping[str, ParameterEstimate]
@@ -133,6 +135,7 @@ class InertialFit:
     disturbed: tuple[float, float] | None
     course: Float64
     partial_bias: PartialBias | None
+    bias_drift: BiasDrift | None
 
 
 def summarise(
@@ -249,6 +252,7 @@ def summarise(
         disturbed=disturbed,
         course=np.stack([times_s[longest], lengths[longest]], axis=1),
         partial_bias=partial_bias(declared, centre=centre),
+        bias_drift=bias_drift(declared),
     )
 
 
