@@ -173,6 +173,18 @@ def test_what_clears_the_findings_is_the_cause() -> None:
     assert [(d.cause, d.status, d.cleared) for d in found] == [("time_offset", "confirmed", ("F1", "F2"))]
 
 
+def test_what_a_weak_cause_clears_of_a_check_that_it_leaves_is_chance() -> None:
+    """A measurement is preferred; a cause that clears all findings of another check keeps its trial."""
+    weak = Hypothesis("exposure_or_gamma", "rgb", 0.3)
+    lost = Hypothesis("dropped_samples", "events", 0.4)
+    pixels = "event_response.conservation.pixels"
+    shown = [alarm(1, weak, lost, code=pixels), alarm(2, weak, lost, code="event_response.conservation.region")]
+    of_curve = {("exposure_or_gamma", "rgb"): tried("F2", left={"F1": 0.7})}
+    assert [(d.cause, d.status) for d in diagnosed(shown, of_curve)] == [("dropped_samples", "suggested")]
+    shown = [alarm(1, weak, lost, code=pixels), alarm(2, weak, lost, code="images.exposure.jump")]
+    assert diagnosed(shown, of_curve)[0].cause == "exposure_or_gamma"
+
+
 def test_what_only_brings_about_findings_is_no_cause() -> None:
     """Undoing it leaves nothing that could be judged, clears nothing, and other findings appear."""
     assert diagnosed(BOTH, {IS_SHIFTED: tried()})[0].cause == "spatial_offset"

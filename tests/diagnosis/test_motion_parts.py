@@ -112,6 +112,39 @@ def test_a_bias_of_a_part_does_not_average_out(tmp_path: Path) -> None:
     assert START_S <= (diagnosis.where.start_us or 0.0) / 1e6 + 0.5 <= STOP_S
 
 
+def test_a_bias_that_drifts_is_a_bias(tmp_path: Path) -> None:
+    """A gyro that warms up has at its end the bias that is named, not a turned sensor."""
+    rates_rad_s = sample_motion().angular_velocities_body_rad_s
+    warming = np.linspace(0.0, 1.0, len(rates_rad_s))[:, np.newaxis] * np.array([0.0, 0.04, 0.02])
+    diagnosis = first_diagnosis(
+        MotionFile().altered(angular_velocities_body_rad_s=rates_rad_s + warming), tmp_path / "motion.h5", ("imu",)
+    )
+    assert (diagnosis.cause, diagnosis.stream) == ("gyro_bias", "imu")
+    assert diagnosis.magnitude == pytest.approx(np.hypot(0.04, 0.02), rel=0.05)
+
+
+def test_an_imu_that_is_held_is_not_late(tmp_path: Path) -> None:
+    """Samples of a lower rate that are repeated are late by half of the time for which they are: they are repeats."""
+    motion = sample_motion()
+    rows = np.arange(len(motion.imu_times_s)) // 8 * 8
+    held = MotionFile().altered(
+        angular_velocities_body_rad_s=motion.angular_velocities_body_rad_s[rows],
+        specific_forces_body_m_s2=motion.specific_forces_body_m_s2[rows],
+    )
+    diagnosis = first_diagnosis(held, tmp_path / "motion.h5", ("imu",))
+    assert (diagnosis.cause, diagnosis.stream) == ("frozen_frames", "imu")
+
+
+def test_lone_poses_are_jumps_and_no_noise(tmp_path: Path) -> None:
+    """Positions that lie off one by one jump there and back, with the largest distance for a size."""
+    positions_m = sample_motion().positions_world_m.copy()
+    for row, distance_m in zip(np.linspace(9, len(positions_m) - 9, 12).astype(int), [0.1, 0.3] * 6, strict=True):
+        positions_m[row, 1] += distance_m
+    diagnosis = first_diagnosis(MotionFile().altered(positions_world_m=positions_m), tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == ("teleport", "pose")
+    assert diagnosis.magnitude == pytest.approx(0.3, rel=0.02)
+
+
 def test_a_teleport_and_back_is_no_reading(tmp_path: Path) -> None:
     """A jump that no exchange of axes or units explains stays a teleport, with its size."""
     away = altered_in_part(positions_world_m=lambda p: p + np.array([0.3, 0.0, 0.0]))

@@ -45,6 +45,7 @@ FAULTS: dict[str, tuple[Callable[[Depths], Depths], str, float | None]] = {
     "swapped": (swapped, "swapped_frames", 1.0),
     "mirrored": (lambda depth: depth[:, :, ::-1], "mirrored", None),
     "upside down": (lambda depth: depth[:, ::-1], "mirrored", None),
+    "turned by half": (lambda depth: depth[:, ::-1, ::-1], "mirrored", None),
     "mirrored from frame 12 on": (from_frame_12(lambda depth: depth[:, :, ::-1]), "mirrored", None),
     "upside down from frame 12 on": (from_frame_12(lambda depth: depth[:, ::-1]), "mirrored", None),
     "rays from frame 12 on": (

@@ -202,9 +202,10 @@ def test_late_poses_are_measured() -> None:
     assert hypothesis.magnitude == pytest.approx(2.0, rel=0.02)
 
 
-def test_mirrored_depth_is_named() -> None:
+@pytest.mark.parametrize("axes", [(2,), (1,), (1, 2)], ids=["columns", "rows", "both"])
+def test_mirrored_depth_is_named(axes: tuple[int, ...]) -> None:
     """Undoing the fault of the depth makes flow agree, so the depth is suspected and not the flow."""
-    mirrored = clean().rows_by_key["path/depth"][:, :, ::-1]
+    mirrored = np.flip(clean().rows_by_key["path/depth"], axes)
     hypothesis = most_probable_cause(clean().with_rows(path_depth=mirrored))
     assert (hypothesis.cause, hypothesis.stream) == ("mirrored", "depth")
 

@@ -13,6 +13,7 @@ from fedora_qa.estimators.imu.local_motion import (
     divided_differences,
     find_interpolation,
     find_steps,
+    lone_samples,
     most_precise_steps,
     noise_level,
     repeated_samples,
@@ -246,3 +247,19 @@ def test_too_few_samples_say_nothing(count: int) -> None:
     assert len(find_steps(TIMES_NS[:count], curve, half_width=6, degree=5, sigma=1.0).before) == 0
     assert find_interpolation(TIMES_NS[:count], curve, resolution=0.0) is None
     assert repeated_samples(curve.values, roundings=(1e-16,)).tolist() == []
+
+
+@pytest.mark.parametrize("times_ns", [TIMES_NS, uneven_ns(601)], ids=["even", "uneven"])
+def test_lone_samples_are_counted_and_noise_is_not(times_ns: NDArray[np.int64]) -> None:
+    """Every sample that lies off alone, with its distance; neither motion, noise, nor a jump that stays has any."""
+    motion = RESTLESS.positions_m(times_ns * 1e-9)
+    off = motion.copy()
+    rows = np.arange(20, 580, 40)
+    off[rows, 2] += 0.5
+    found, distances_m = lone_samples(times_ns, VectorSamples(off))
+    np.testing.assert_array_equal(found, rows)
+    np.testing.assert_allclose(distances_m, 0.5, rtol=0.02)
+    jumped = motion + np.where(np.arange(len(motion)) > 300, 0.5, 0.0)[:, np.newaxis]
+    noise = 0.003 * np.random.default_rng(7).standard_normal(motion.shape)
+    for values in (motion, motion + noise, jumped):
+        assert not len(lone_samples(times_ns, VectorSamples(values))[0])
