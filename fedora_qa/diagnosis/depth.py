@@ -79,7 +79,7 @@ _CAUSES_OF_TRANSFORM: Final[Mapping[Transform, tuple[tuple[str, str, float, Size
     "north_east_down": (("frame_convention", "pose", _ALL_OF_IT, _no_size),),
     "mounting": (("frame_convention", "metadata", _ALL_OF_IT, _no_size),),
     "free_motion": (
-        ("teleport", "pose", support("depth.single_pose"), _no_size),
+        ("teleport", "pose", support("depth.single_pose"), float),
         ("frozen_frames", "pose", support("depth.frozen_pose"), _no_size),
     ),
 })  # fmt: skip

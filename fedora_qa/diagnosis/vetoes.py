@@ -22,6 +22,7 @@ _MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
         ("clock_rate", "rgb"): (_EVENTS, "clock_rate"),
         ("clock_rate", "imu"): (_INERTIAL, "clock_rate"),
         ("clock_rate", "pose"): (_INERTIAL, "pose_clock_rate"),
+        ("teleport", "pose"): ("pose.continuity", "position_jump"),
     }
 )
 """Check and measurement of the size of a cause, in its unit, by cause and stream."""
@@ -42,6 +43,10 @@ _IN_ORDER: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
         ("threshold_misdeclared", "events"): ("event_response.threshold",),
         ("event_model_misdeclared", "events"): ("event_response.model",),
         ("vignetting", "rgb"): ("images.vignetting",),
+        # Repeats are counted bit by bit, and straight lines leave no curvature.
+        ("frozen_frames", "pose"): ("pose.continuity",),
+        ("interpolated_pose", "pose"): ("pose.continuity",),
+        ("quaternion_not_unit", "pose"): ("pose.orientation",),
     }
 )
 """Checks that measure a cause of the whole file: where all of them pass, it is not the cause, whatever its undoing may

@@ -33,7 +33,7 @@ Transform = Literal[
 """The transform that is undone. Parameters, where there are any: the factor by which depths are too large
 (``depth_scale``); px to the right or down (``image_shift``); the share by which the focal length is too short
 (``focal_length``); rows between the frames that are exchanged (``frame_order``); ms by which timestamps of depth are
-too late (``clock_offset``)."""
+too late (``clock_offset``); m by which the position between the two poses is corrected (``free_motion``)."""
 
 Extent = Literal["all", "part"]
 """What was changed: all of the depth; or a part, which is one frame of the pair or one tile of both."""
@@ -155,6 +155,8 @@ def try_conventions(pair: DepthPair, residual_as_stored: float, tile: Tile | Non
             continue
         reduction = max(1.0 - fit.typical / residual_as_stored, 0.0)
         parameter = candidate.parameter if candidate.step is None else float(fit.value)
+        if candidate.transform == "free_motion":
+            parameter = float(np.linalg.norm(fit.twist[3:]))
         trials.append(DepthTrial(candidate.transform, candidate.extent, reduction, parameter))
     return PairTrials(pair.first, tuple(trials))
 

@@ -1,7 +1,8 @@
 """Inverse transforms, tried one by one on a deviating field, and the share of its deviation that each removes."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Final
 
 import numpy as np
@@ -23,6 +24,9 @@ from fedora_qa.views.pixel_lattice import FEWEST_PIXELS, Region, sample_field
 Float64 = NDArray[np.float64]
 
 _SHIFTS_PX: Final = (-8, -4, -3, -2, -1, 1, 2, 3, 4, 8)
+_LARGEST_SHIFT_PX: Final = 16
+"""Steps of a pixel that a search for a shift takes at most."""
+
 _ANOTHER_GAIN: Final = 0.02
 """Gains whose ratio to a change of unit differs from 1 by less are taken as that change of unit."""
 
@@ -111,16 +115,53 @@ def try_inverse_transforms(
     best: dict[tuple[str, str], ConventionTrial] = {}
     for field in (
         *_with_other_flow(window, track, interval, sample, motion, frame, region),
-        *_with_other_depth(window, track, sample, motion, frame),
+        *_with_other_depth(window, track, interval, sample, motion, frame),
         *_with_other_poses(window, track, interval, sample),
     ):
-        if field.sample is None or field.motion is None:
+        residual = _deviation_of(field, track, interval, window)
+        if residual is None:
             continue
-        residual = _deviation(track, interval, field.sample, field.motion, window)
         key, removed_share = (field.transform, field.stream), max(1.0 - residual / reference, 0.0)
         if key not in best or best[key].removed_share < removed_share:
             best[key] = ConventionTrial(interval.stream, *key, removed_share, field.magnitude)
     return list(best.values())
+
+
+def _deviation_of(field: _TransformedField, track: PoseTrack, interval: Interval, window: Window) -> float | None:
+    """Return the deviation that a transform leaves, px; None where too few pixels or no pose remain."""
+    if field.sample is None or field.motion is None:
+        return None
+    return _deviation(track, interval, field.sample, field.motion, window)
+
+
+def _best_shift(
+    shifted: Callable[[int, int], _TransformedField], deviation: Callable[[_TransformedField], float | None]
+) -> _TransformedField:
+    """Return the field under the shift that leaves least: the best of a coarse set, then pixel by pixel from there."""
+    left: dict[tuple[int, int], tuple[float, _TransformedField]] = {}
+
+    def left_by(dx: int, dy: int) -> float:
+        if (dx, dy) not in left:
+            field = shifted(dx, dy)
+            residual = deviation(field)
+            left[dx, dy] = inf if residual is None else residual, field
+        return left[dx, dy][0]
+
+    coarse = [step for shift in _SHIFTS_PX for step in ((shift, 0), (0, shift), (shift, shift))]
+    best = min(coarse, key=lambda shift: left_by(*shift))
+    for _ in range(_LARGEST_SHIFT_PX):
+        x, y = best
+        around = [(x + dx, y + dy) for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1)) if (x + dx, y + dy) != (0, 0)]
+        nearer = min(around, key=lambda shift: left_by(*shift))
+        if left_by(*nearer) >= left_by(*best):
+            break
+        best = nearer
+    return left[best][1]
+
+
+def _shift_px(dx: int, dy: int) -> float:
+    """Return the larger component of a shift."""
+    return float(dx if abs(dx) >= abs(dy) else dy)
 
 
 def _with_other_flow(
@@ -173,10 +214,12 @@ def _with_other_flow(
                 sample, columns=columns.astype(np.float64), rows=rows.astype(np.float64), depths_m=depths_m
             )
             yield _TransformedField("mirrored", "flow", _with_flow(mirror, flow * np.array(signs)), motion)
-    for shift in _SHIFTS_PX:
-        for dx, dy in ((shift, 0), (0, shift), (shift, shift)):
-            moved = stored[np.clip(row + dy, 0, height - 1), np.clip(column + dx, 0, width - 1)]
-            yield transformed("shifted_pixels", moved, float(shift))
+
+    def moved_back(dx: int, dy: int) -> _TransformedField:
+        moved = stored[np.clip(row + dy, 0, height - 1), np.clip(column + dx, 0, width - 1)]
+        return transformed("shifted_pixels", moved, _shift_px(dx, dy))
+
+    yield _best_shift(moved_back, lambda field: _deviation_of(field, track, interval, window))
 
     # A neighbouring interval, one that begins some depth frames before or after, or one of another rate.
     def moved_to(other: Interval, name: str, magnitude: float | None = None) -> _TransformedField:
@@ -202,7 +245,7 @@ def _with_other_flow(
 
 
 def _with_other_depth(
-    window: Window, track: PoseTrack, sample: FlowSample, motion: RigidMotion, frame: int
+    window: Window, track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, frame: int
 ) -> Iterator[_TransformedField]:
     """Transform the depth."""
 
@@ -227,9 +270,10 @@ def _with_other_depth(
         (width - 1 - column, height - 1 - row),
     ):
         yield transformed("mirrored", _depths_at(stored, columns, rows))
-    for shift in _SHIFTS_PX:
-        for dx, dy in ((shift, 0), (0, shift), (shift, shift)):
-            yield transformed("shifted_pixels", _depths_at(stored, column + dx, row + dy), float(shift))
+    yield _best_shift(
+        lambda dx, dy: transformed("shifted_pixels", _depths_at(stored, column + dx, row + dy), _shift_px(dx, dy)),
+        lambda field: _deviation_of(field, track, interval, window),
+    )
     step_ns = _step_ns(window.facts.clocks["depth"])
     for frames in _FRAME_SHIFTS:
         if 0 <= frame + frames < window.facts.sizes["path/depth"]:

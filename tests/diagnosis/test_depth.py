@@ -110,7 +110,7 @@ CAUSES_OF_TRANSFORM: Final[dict[Transform, tuple[Hypothesis, ...]]] = {
     "north_east_down": (Hypothesis("frame_convention", "pose", 1.0),),
     "mounting": (Hypothesis("frame_convention", "metadata", 1.0),),
     "free_motion": (
-        Hypothesis("teleport", "pose", 0.95),
+        Hypothesis("teleport", "pose", 0.95, 4.0, "m"),
         Hypothesis("frozen_frames", "pose", 0.9),
         Hypothesis(ANY_CAUSE, "pose", 0.9 * 0.95),
     ),

@@ -350,6 +350,19 @@ def test_what_its_own_checks_find_in_order_is_not_the_cause() -> None:
     assert diagnosed(broken, clears, unmeasured)[0].cause == "exposure_or_gamma"
 
 
+def test_poses_in_order_by_themselves_neither_jump_nor_repeat() -> None:
+    """A free motion fits a shifted depth as well; poses whose motion is continuous have no such jump."""
+    jump = Hypothesis("teleport", "pose", 0.9, 0.4, "m")
+    shown = [alarm(1, jump, Hypothesis("frozen_frames", "pose", 0.85), Hypothesis("spatial_offset", "depth", 0.5))]
+    size = Measurement("position_jump", 0.0, "m", 1e-6, 0.0, 1e-5, 2e-5)
+    passed = Result("pose.continuity", "passed", "?", measurements=(size,))
+    assert diagnosed(shown)[0].cause == "teleport"
+    assert [d.cause for d in diagnosed(shown, results={"pose.continuity": passed})] == ["spatial_offset"]
+    # Noise hides a jump that is no larger than it.
+    noisy = replace(passed, measurements=(replace(size, limit=0.5),))
+    assert diagnosed(shown, results={"pose.continuity": noisy})[0].cause == "teleport"
+
+
 def test_a_size_counts_once_a_check() -> None:
     """Three rates that one check measures have one voice on the sign of a size, as one finding of another check has."""
     of_frames = Hypothesis("intrinsics_focal", "metadata", 0.6, 7.0, "percent")

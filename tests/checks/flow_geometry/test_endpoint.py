@@ -111,6 +111,7 @@ VALUE_FAULTS = {
     "v up": (lambda _, flow: flow * np.array([1, -1]), "frame_convention", None),
     "mirrored": (lambda _, flow: flow[:, :, ::-1], "mirrored", None),
     "shifted": (lambda _, flow: np.roll(flow, 3, axis=2), "spatial_offset", 3.0),
+    "shifted both ways": (lambda _, flow: np.roll(flow, (2, -6), axis=(1, 2)), "spatial_offset", -6.0),
     "late": (lambda _, flow: np.concatenate([flow[:1], flow[:-1]]), "flow_interval_shifted", 1.0),
 }
 
