@@ -22,7 +22,13 @@ from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.inertial_features import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
+from fedora_qa.views.inertial_features import (
+    BiasOfPart,
+    DriftingBias,
+    InertialConventionTrial,
+    MotionKind,
+    OffsetsApart,
+)
 
 _LEAST_EXPLAINED: Final = 0.5
 """Explained share above which a group of parameters becomes a rival of the freed one."""
@@ -45,8 +51,24 @@ def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of a deviation of both clocks: defects of the timestamps, then the parameters of the fit."""
-    return (*defect_hypotheses(alarm.statistic.features), *_of_parameter(alarm, facts))
+    """Return the causes of a deviation of both clocks: defects of the timestamps, then the parameters of the fit.
+
+    Where one sensor of the IMU is late and the other is not, the stated mean is the delay of neither.
+    """
+    features = alarm.statistic.features
+    of_one_sensor = tuple(
+        Hypothesis(
+            "time_offset",
+            "imu",
+            support("imu.offset_of_one_sensor"),
+            _MS * feature.offset_s,
+            "ms",
+            _MS * feature.standard_error_s,
+        )
+        for feature in features
+        if isinstance(feature, OffsetsApart)
+    )
+    return (*defect_hypotheses(features), *(of_one_sensor or _of_parameter(alarm, facts)))
 
 
 def propose_rotation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

@@ -74,3 +74,20 @@ class DriftingBias(Feature):
     kind: MotionKind
     largest: tuple[float, float, float]
     explained: float
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetsApart(Feature):
+    """One sensor of the IMU is late and the other is not, so that their mean is the delay of neither.
+
+    Attributes
+    ----------
+    late
+        The comparison that has the delay: ``rotation`` for the gyro, ``translation`` for the accelerometer.
+    offset_s, standard_error_s
+        Delay of that sensor, s, positive where its samples are late, and its standard error.
+    """
+
+    late: MotionKind
+    offset_s: float
+    standard_error_s: float

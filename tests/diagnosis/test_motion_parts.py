@@ -135,6 +135,17 @@ def test_an_imu_that_is_held_is_not_late(tmp_path: Path) -> None:
     assert (diagnosis.cause, diagnosis.stream) == ("frozen_frames", "imu")
 
 
+def test_a_gyro_that_is_late_alone_has_its_own_delay(tmp_path: Path) -> None:
+    """Its samples are ten milliseconds late; the accelerometer is not, and their mean is the delay of neither."""
+    rates_rad_s = sample_motion().angular_velocities_body_rad_s
+    late = rates_rad_s[np.clip(np.arange(len(rates_rad_s)) - 10, 0, None)]
+    diagnosis = first_diagnosis(
+        MotionFile().altered(angular_velocities_body_rad_s=late), tmp_path / "motion.h5", ("imu", "pose")
+    )
+    assert (diagnosis.cause, diagnosis.stream) == ("time_offset", "imu")
+    assert diagnosis.magnitude == pytest.approx(10.0, rel=0.02)
+
+
 def test_lone_poses_are_jumps_and_no_noise(tmp_path: Path) -> None:
     """Positions that lie off one by one jump there and back, with the largest distance for a size."""
     positions_m = sample_motion().positions_world_m.copy()

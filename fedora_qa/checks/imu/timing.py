@@ -1,6 +1,6 @@
 """The clock of the IMU compared with that of the poses."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -21,7 +21,7 @@ from fedora_qa.views.inertial_agreement import (
     motion_of,
     streams_of,
 )
-from fedora_qa.views.inertial_features import MotionKind
+from fedora_qa.views.inertial_features import MotionKind, OffsetsApart
 from fedora_qa.views.sample_defects import held_imu, timestamp_defects
 
 _RESOLVED_SIGMAS: Final = 6.0
@@ -96,7 +96,7 @@ class ImuTiming(WindowCheck[WindowMotion]):
             reason = "IMU and pose cannot be compared: see imu.rotation, imu.translation"
             return Observation(coverage, unobservable=reason)
         of_timestamps = timestamp_defects(facts, "imu", "pose")
-        defects = (*of_timestamps, *held_imu(streams.imu))
+        defects = (*of_timestamps, *held_imu(streams.imu), *_offsets_apart(fits))
         statistics: list[Statistic] = []
         for name in TIMING_TEXTS:
             fitted = {kind: fit.parameters[name] for kind, fit in fits.items()}
@@ -137,3 +137,18 @@ class ImuTiming(WindowCheck[WindowMotion]):
             defects,
         )
         return Observation(coverage, (*statistics, *local), notices)
+
+
+def _offsets_apart(fits: Mapping[MotionKind, InertialFit]) -> tuple[OffsetsApart, ...]:
+    """Return the delay of one sensor where the other has none, by both fits."""
+    offsets = {kind: fit.parameters["time_offset"] for kind, fit in fits.items()}
+    late = [kind for kind, offset in offsets.items() if offset.free]
+    others = [offset for offset in offsets.values() if not offset.free]
+    if len(late) != 1 or len(others) != 1:
+        return ()
+    offset, other = offsets[late[0]], others[0]
+    # The other fit must have resolved the delay, and measures less than half of it.
+    resolved = abs(offset.value) > _RESOLVED_SIGMAS * other.standard_error + other.model_error
+    if not resolved or 2 * abs(other.value) > abs(offset.value):
+        return ()
+    return (OffsetsApart(late[0], offset.value, offset.standard_error),)
