@@ -13,9 +13,10 @@ import pytest
 
 from fedora_qa.catalogue import CHECKS, hypotheses_of
 from fedora_qa.diagnosis.candidates import CauseCandidate
-from fedora_qa.diagnosis.coincidence import places_of_clocks
+from fedora_qa.diagnosis.coincidence import ClockPlace, places_of_clocks
 from fedora_qa.diagnosis.diagnose import rank_candidates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.trial import UndoTrial
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.executor import InProcess
 from fedora_qa.engine.files import check_files
@@ -142,6 +143,25 @@ def test_every_cause_is_tried_before_a_second_mechanism_of_any() -> None:
     assert run_trials(bench, candidates, {}, quiet) == {}
     ways = [(stream, way) for way in ("horizontal", "vertical", "both") for stream in ("events", "rgb")]
     assert bench.undone == [Mirroring(stream, way) for stream, way in ways]
+
+
+class HalfCleared(Notebook):
+    """A bench whose every fault leaves a seventh of the deviation that gave its size."""
+
+    def undo(self, fault: ReversibleFault) -> UndoTrial:  # type: ignore[override]
+        self.undone.append(fault)
+        return UndoTrial(fault, "it is undone", frozenset({"F2"}), {"F1": 1 / 7}, (), 4)
+
+
+def test_a_second_fit_keeps_to_the_grid_of_clocks() -> None:
+    """A delay of whole periods leaves depth on the grid of the others; one that a second fit finds does not."""
+    late = Hypothesis("time_offset", "depth", 0.9, -80.0, "ms", 0.1)
+    candidates = [CauseCandidate(late.cause, late.stream, {"F1": late}, {"F1": 1.0})]
+    for places, sizes_ms in (({}, [-80.0, -80.0 / (1 - 1 / 7)]), ({"depth": ClockPlace("in", 20.0)}, [-80.0])):
+        bench: Any = HalfCleared()
+        bench.run.ready.facts = SimpleNamespace(clocks={})
+        run_trials(bench, candidates, places, quiet)
+        assert [fault.magnitude for fault in bench.undone] == pytest.approx(sizes_ms)
 
 
 def test_work_is_bounded_by_the_run_itself(small_park_day: Path, tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Numbers of a camera that look chosen, and those that do not once they are wrong by any amount."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,8 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.diagnosis.flow_geometry.endpoint import is_chosen
+from fedora_qa.checks.flow_geometry.endpoint import FieldsOff, FlowGainFit, FlowRatesOff
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.flow_geometry.endpoint import is_chosen, propose_endpoint
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import Camera
+from fedora_qa.views.flow_conventions import ConventionTrial
 
 FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
@@ -51,3 +58,20 @@ def test_what_is_off_by_any_amount_does_not(error: float) -> None:
     assert not is_chosen(camera(60.0 * (1 + 0.1 * error)), "intrinsics_focal")
     assert not is_chosen(camera(centre_off_px=0.49 * error / 0.1 + 1e-4), "intrinsics_centre")
     assert not is_chosen(camera(turn_deg=(error, 0, 0)), "extrinsic_rotation")
+
+
+@pytest.mark.parametrize(("correlation", "is_foreign"), [(0.9999, False), (0.97, True)])
+def test_flow_that_follows_the_recomputed_flow_is_of_one_sequence(correlation: float, is_foreign: bool) -> None:
+    """Depths of any value fit: blurred depth is of its own sequence, where the flow of both hardly differs."""
+    rate = "flow/10hz"
+    features = (
+        FlowRatesOff({rate: True}),
+        FieldsOff(10, 1.0, False, 0, 0),
+        FlowGainFit(0.001, 0.001, 0.01, correlation, 0.1),
+        ConventionTrial(rate, "triangulated_depth", "depth", 0.9),
+    )
+    code, where = "flow_geometry.endpoint.error", Where(stream=rate)
+    statistic = Statistic("error", 1.0, "px", 0.0, "off", code, where, features=features)
+    facts: Any = SimpleNamespace(declared=SimpleNamespace(cameras={"depth": camera()}, pose=None))
+    hypotheses = propose_endpoint(Alarm(Finding("F1", code, "error", "off", where), statistic), facts)
+    assert (("other_sequence", "depth") in {(h.cause, h.stream) for h in hypotheses}) is is_foreign
