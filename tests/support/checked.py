@@ -3,6 +3,8 @@
 from pathlib import Path
 from unittest.mock import patch
 
+from fedora_qa.catalogue import CHECKS
+from fedora_qa.causes import stream_family
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Diagnosis, FileRecord, Result
 
@@ -32,3 +34,18 @@ def diagnoses_of(path: Path, subject: str) -> list[Diagnosis]:
 def rules(result: Result) -> list[str]:
     """Return the rules that were broken, without the name of the check."""
     return [finding.code.removeprefix(f"{result.check}.") for finding in result.findings]
+
+
+def checks_that_read(*streams: str) -> tuple[str, ...]:
+    """Return the checks that a fault of some streams can alter: of these streams, of all that is there, or of both.
+
+    The others measure what they measure of the clean file. A fault of declarations can alter every check.
+    """
+    faulty = {stream_family(stream) for stream in streams}
+    return tuple(
+        check.name
+        for check in CHECKS
+        if "metadata" in faulty
+        or not check.needs
+        or not faulty.isdisjoint(map(stream_family, (*check.needs, *check.looks_at)))
+    )
