@@ -12,6 +12,7 @@ from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.rates import RateOptions
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import FileRecord
+from tests.support.checked import checks_that_read
 from tests.support.sequences import small_scene
 
 DECIMAL = RateOptions(frames_hz=100.0, flow_hz=(20.0, 12.5), pose_hz=250.0)
@@ -42,8 +43,8 @@ def sequences(tmp_path_factory: pytest.TempPathFactory) -> Sequences:
     return sequence
 
 
-def check(path: Path) -> FileRecord:
-    return check_file(path, CheckOptions(profile="release", evidence=None)).record
+def check(path: Path, *select: str) -> FileRecord:
+    return check_file(path, CheckOptions(profile="release", evidence=None, select=select)).record
 
 
 def named(record: FileRecord) -> list[str]:
@@ -93,10 +94,10 @@ def test_colour_is_compared_along_the_flow_between_its_frames(sequences: Sequenc
 def test_a_fault_is_named_with_its_rate(
     sequences: Sequences, tmp_path: Path, name: str, stream: str, cause: str, magnitude: float | None
 ) -> None:
-    """One fault of one rate has one cause, in the stream of that rate."""
+    """One fault of one rate has one cause, in the stream of that rate, by all checks that read it."""
     faulty = tmp_path / "faulty.h5"
     plant_fault(sequences(name), faulty, cause, stream, magnitude)
-    record = check(faulty)
+    record = check(faulty, *checks_that_read(stream))
     assert record.verdict == "findings"
     assert named(record) == [f"{stream}:{cause}"]
 
@@ -108,7 +109,7 @@ def test_a_name_that_contradicts_its_intervals(sequences: Sequences, tmp_path: P
     with h5py.File(path, "r+") as file:
         for ending in ("", "_ts"):
             file.move(f"path/flow/20hz{ending}", f"path/flow/40hz{ending}")
-    record = check(path)
+    record = check(path, *checks_that_read("flow"))
     findings = [finding for result in record.results for finding in result.findings]
     codes = {finding.code for finding in findings if finding.where.stream == "flow/40hz"}
     assert {"clocks.rate.error", "flow_geometry.validity.wrong_length"} <= codes
