@@ -13,6 +13,7 @@ from tests.browser.devtools import Browser
 from tests.browser.tab import Tab
 from tests.browser.visit import visit
 from tests.support.graphics import without_opengl
+from tests.support.shared_files import SharedFiles
 
 WIDTHS_PX = (390, 820, 1000, 1200, 1440)
 
@@ -39,22 +40,28 @@ def browser(chromium: Path) -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="module", params=["clean", "failing"])
-def report(request: pytest.FixtureRequest, park_day: Path, tmp_path_factory: pytest.TempPathFactory) -> Report:
-    """The report of a clean second, and of one whose events are late."""
-    folder = tmp_path_factory.mktemp("report")
-    if request.param == "clean":
-        sequence, verdict = park_day, "clean"
-    else:
-        sequence, verdict = folder / "late.h5", "findings"
-        plant_fault(park_day, sequence, "time_offset", "events", 5.0, "ms")
-    code = run(["check", str(sequence), "--html", str(folder / "report.html")])
-    return Report(folder / "report.html", code, verdict)
+def report(request: pytest.FixtureRequest, park_day: Path, shared_files: SharedFiles) -> Report:
+    """The report of a clean second, and of one whose events are late, each made once a run."""
+    kind, verdict = request.param, {"clean": "clean", "failing": "findings"}[request.param]
+
+    def write(page: Path) -> None:
+        sequence = park_day
+        if kind == "failing":
+            sequence = page.with_name("late-events.h5")
+            plant_fault(park_day, sequence, "time_offset", "events", 5.0, "ms")
+        code = run(["check", str(sequence), "--html", str(page)])
+        page.with_name(f"{kind}-exit-code").write_text(str(code))
+
+    page = shared_files.file(f"{kind}-report.html", write)
+    return Report(page, int(page.with_name(f"{kind}-exit-code").read_text()), verdict)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", WIDTHS_PX)
+@pytest.mark.parametrize(("width", "scheme"), [*((width, "light") for width in WIDTHS_PX), (820, "dark")])
 def test_report(browser: Browser, report: Report, width: int, scheme: str) -> None:
-    """No complaint, no request but the page, everything visible, nothing wider than the window."""
+    """No complaint, no request but the page, everything visible, nothing wider than the window.
+
+    Dark or light, boxes are as wide: one width stands for all.
+    """
     shown = visit(browser, report.page, width=width, scheme=scheme)
     assert shown.complaints == []
     assert shown.requests == [report.page.resolve().as_uri()]
