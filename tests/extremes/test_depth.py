@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.extremes.files import FLOW_HZ, alarms, checks_of, edited, named, outcomes, passed, record_of
+from tests.support.checked import checks_that_read
 
 OF_DEPTH = [name for name in checks_of("depth") if not name.startswith("index_maps")]
 
@@ -48,7 +49,7 @@ def test_depth_cut_off_at_an_end_is_named(end: int, half_second: Path, tmp_path:
         range_m[end] = np.float64(np.float32(limit_mm)) / 1000
         file["metadata/depth_range"][...] = range_m
 
-    record = record_of(edited(half_second, tmp_path / "cut.h5", cut_off))
+    record = record_of(edited(half_second, tmp_path / "cut.h5", cut_off), *checks_that_read("depth"))
     assert outcomes(record)["depth.range"] == "failed"
     assert ("depth", "invalid_encoding") in named(record)
 
@@ -75,6 +76,6 @@ def test_nowhere_valid_depth_is_said(half_second: Path, tmp_path: Path) -> None:
 
 def test_flow_without_depth_is_found(half_second: Path, tmp_path: Path) -> None:
     """Right: flow where no depth is valid cannot have been made from it."""
-    record = record_of(edited(half_second, tmp_path / "none.h5", no_depth))
+    record = record_of(edited(half_second, tmp_path / "none.h5", no_depth), *checks_that_read("depth"))
     assert outcomes(record)["flow_geometry.validity"] == "failed"
     assert not passed(record, OF_DEPTH)

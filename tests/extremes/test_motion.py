@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from fedora_generator.faults import plant_fault
 from fedora_qa.estimators.imu.samples import InertialSamples
 from tests.extremes.files import alarms, generated, named, outcomes, park, record_of
+from tests.support.checked import checks_that_read
 from tests.support.motion_world import RESTLESS, MotionFile, sample_motion
 
 OF_MOTION = (
@@ -135,10 +136,10 @@ WHIRLED_FAULTS = {
 def test_faults_in_sixty_pixels_of_flow_are_named(
     cause: str, stream: str, planted: float | None, found: float | None, whirl: Path, tmp_path: Path
 ) -> None:
-    """Right: cause, stream and size, as in slow flight."""
+    """Right: cause, stream and size, as in slow flight, by all checks that read the stream."""
     faulty = tmp_path / "faulty.h5"
     plant_fault(whirl, faulty, cause, stream, planted, "ms" if cause == "time_offset" else None)
-    record = record_of(faulty)
+    record = record_of(faulty, *checks_that_read(stream))
     first = record.diagnoses[0]
     assert named(record)[0] == (stream, cause)
     if found is not None:
