@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fedora_qa.catalogue import CHECKS
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.types import FileRecord
 from fedora_qa.sequence.sequence import open_sequence
+from tests.support.checked import checks_that_read
 from tests.support.event_view import TwoViews, camera_poses, two_views
 from tests.support.m3ed_folder import write_m3ed_folder, write_m3ed_side
 from tests.support.mvsec_folder import write_mvsec_folder, write_mvsec_side
@@ -151,9 +153,9 @@ def stand_ins(sources: dict[str, TwoViews], folder: Path) -> dict[str, Path]:
     return {name: layout.write(sources[layout.source], folder / name / layout.name) for name, layout in LAYOUTS.items()}
 
 
-def check(place: Path, side: Path | None) -> FileRecord:
+def check(place: Path, side: Path | None, select: tuple[str, ...] = ()) -> FileRecord:
     choice = load_choice(None, str(side) if side else None)
-    return check_file(place, CheckOptions(dialect=choice, profile="release", evidence=None)).record
+    return check_file(place, CheckOptions(dialect=choice, profile="release", evidence=None, select=select)).record
 
 
 def outcomes(record: FileRecord, *wanted: str) -> set[str]:
@@ -274,13 +276,17 @@ FAULTS: dict[str, tuple[str, str, Callable[[Array], Array], str, str]] = {
 def test_a_planted_fault_is_found(
     fault: str, stand_ins: dict[str, Path], sides: dict[str, Path], tmp_path: Path
 ) -> None:
-    """The check that measures it fails; its cause is named where the sequence tells it from others."""
+    """The check that measures it fails; its cause is named where the sequence tells it from others.
+
+    All checks are asked that read a stream of that check.
+    """
     name, place, alter, check_name, cause = FAULTS[fault]
     copy = tmp_path / stand_ins[name].name
     (shutil.copytree if stand_ins[name].is_dir() else shutil.copy)(stand_ins[name], copy)
     file, _, dataset = place.partition(":")
     altered(copy / file if file else copy, dataset, alter)
-    record = check(copy, sides.get(name))
+    (needs,) = (each.needs for each in CHECKS if each.name == check_name)
+    record = check(copy, sides.get(name), checks_that_read(*needs))
     assert record.verdict == "findings"
     assert check_name in outcomes(record, "failed")
     assert cause in {diagnosis.cause for diagnosis in record.diagnoses}
