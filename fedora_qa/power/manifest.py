@@ -23,7 +23,10 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 @dataclass(frozen=True, slots=True)
 class PlantedFault:
-    """One fault: ``start_s`` or ``region`` where it is confined to a part of the file."""
+    """One fault: ``start_s`` or ``region`` where it is confined to a part of the file.
+
+    ``direction_deg`` where its size is the length of a shift in a direction of its own: degrees, clockwise from right.
+    """
 
     cause: str
     stream: str
@@ -32,6 +35,7 @@ class PlantedFault:
     start_s: Finite | None = None
     stop_s: Finite | None = None
     region: tuple[int, int, int, int] | None = None
+    direction_deg: Finite | None = None
 
     @property
     def name(self) -> str:

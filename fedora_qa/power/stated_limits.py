@@ -10,12 +10,13 @@ come near the percents of a wrong threshold now and then, and is no measure of i
 which measurements are meant; whether their limits are true is counted over all trials, found or not. Of several the
 least limit counts.
 
-*By response*, where it does not (a clock error in ppm that shows as a shift in px, a fault without a size): a faulty
-file is a copy of a clean one, noise and all, so that the difference of the two measurements is what the fault moved the
-measurement by. That effect is compared with the limit stated of the clean file, and found is what the measurement
-itself exceeded. Of several, the one that exceeded most often is taken, and of those alike the one that moves most.
-Trials whose fault makes the measurement's own limit more than twice what it was are counted like all others, and their
-number is stated: the limit of a clean file does not show that a fault disturbs the data of the measurement.
+*By response*, where it does not (a clock error in ppm that shows as a shift in px, a fault without a size, a shift in
+any direction, of which measurements have components): a faulty file is a copy of a clean one, noise and all, so that
+the difference of the two measurements is what the fault moved the measurement by. That effect is compared with the
+limit stated of the clean file, and found is what the measurement itself exceeded. Of several, the one that exceeded
+most often is taken, and of those alike the one that moves most. Trials whose fault makes the measurement's own limit
+more than twice what it was are counted like all others, and their number is stated: the limit of a clean file does not
+show that a fault disturbs the data of the measurement.
 
 Either way each trial has its ratio to the limit that was stated of its own clean file, because limits differ from file
 to file as their information does. A stated limit is too bold where fewer than 90% of the faults from 1 on were found,
@@ -136,7 +137,7 @@ def stated_limits(
 
 def _by_size(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _LimitTrials | None:
     """Compare planted sizes with the limits of those measurements that measure them."""
-    if not sized.has_size or sized.worse_when_smaller:
+    if not sized.has_size or sized.worse_when_smaller or _has_directions(sized):
         return None
     # The check's measurements that measure the fault's size: deviations over sizes, of what exceeded.
     deviations: dict[str, list[float]] = {}
@@ -196,6 +197,11 @@ def _by_response(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> 
             limit_trials = _LimitTrials("response", (name,), units[0], tuple(compared))
             options.append((times, median(trial.ratio for trial in compared), limit_trials))
     return max(options, key=lambda option: option[:2])[2] if options else None
+
+
+def _has_directions(sized: CauseTrials) -> bool:
+    """Whether sizes are lengths of shifts in several directions: a measurement of a component is small by some."""
+    return any(fault.direction_deg is not None for trial in sized.trials for fault in trial.item.planted)
 
 
 def _is_disturbed(before: MeasuredDeviation, after: MeasuredDeviation | None) -> bool:

@@ -262,6 +262,17 @@ def test_a_deviation_that_is_not_the_size_is_compared_by_response() -> None:
     assert (stated.compared, stated.found_from_twice.count, stated.truth) == ("response", 5, "true")
 
 
+def test_a_shift_in_any_direction_is_compared_by_response() -> None:
+    """A shift down by 5 px that moves the image to the right by nothing does not test the limit of that component."""
+    files = []
+    for number, effect_px in enumerate((5.0, 4.9, 5.1, 5.0, 0.0)):
+        across = replace(measurement(effect_px, name="shift_right", unit="px"), limit=0.7)
+        fault = PlantedFault("spatial_offset", "rgb", 5.0, "px", direction_deg=0.0 if effect_px else 90.0)
+        files.append(faulty(number, fault, found=across.exceeds, measurements=(across,)))
+    stated = limits_of((clean(stated=(measurement(name="shift_right", unit="px"),)), *files))
+    assert (stated.compared, stated.found_from_it.count, stated.found_from_it.of) == ("response", 4, 4)
+
+
 def test_a_study_of_clean_files_alone() -> None:
     """Without faults there are false alarms to report, and nothing else."""
     power = power_of([clean()], ORIGIN)
