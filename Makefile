@@ -14,7 +14,7 @@
 #   make site         the documentation as a site: out/site/index.html, readable without a network or a server
 #   make kernels      lists the compiled loops that checks call, so that a first run compiles them on all cores
 #   make power        350 clean and 2200 faulty files, what is found of them: docs/power-tables.md; 23 GB, an hour and a quarter
-#   make power-off-grid  300 faulty files of sizes, directions, places and times at random: docs/power-off-grid.md; a quarter of an hour
+#   make power-off-grid  600 faulty files of sizes, directions, places and times at random: docs/power-off-grid.md; half an hour
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
 #   make study-composites  25 pairs of faults in one sequence: are both named? docs/named-composites.md; some minutes
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
@@ -138,7 +138,7 @@ power-off-grid: export OMP_NUM_THREADS = 1
 power-off-grid: export NUMBA_NUM_THREADS = 1
 power-off-grid: $(READY)
 	@mkdir -p $(OUT)
-	$(BIN)/fedora-generate corpus --jobs $(JOBS) -o $(OUT)/power-off-grid $(POWER_SCENES) --off-grid --clean 2 --trials 12 \
+	$(BIN)/fedora-generate corpus --jobs $(JOBS) -o $(OUT)/power-off-grid $(POWER_SCENES) --off-grid --clean 2 --trials 24 \
 	  --causes $(POWER_RANDOM) --size 180x136 --duration 0.5 --seed 7000
 	$(BIN)/fedora-qa power $(OUT)/power-off-grid --jobs $(JOBS) --json $(OUT)/power-off-grid.json \
 	  --markdown docs/power-off-grid.md --svg docs/power-off-grid.svg
