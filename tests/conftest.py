@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numba
 import pytest
+from hypothesis import HealthCheck, settings
 
 from fedora_generator.mesh import places
 from fedora_generator.mesh.model import MeshModel
@@ -25,6 +26,10 @@ from tests.support.sequences import (
     make_sequence,
 )
 from tests.support.shared_files import SharedFiles
+
+# No test depends on the speed of the machine. All else is as in the profile in force: in CI draws are alike each time.
+settings.register_profile("untimed", settings(), deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("untimed")
 
 
 @pytest.hookimpl(wrapper=True)

@@ -5,7 +5,7 @@ from typing import Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.diagnosis.candidates import FITS, CauseCandidate
-from fedora_qa.diagnosis.direct import check_of_code, is_declared, is_direct, is_local
+from fedora_qa.diagnosis.direct import check_of_code, clears_by_construction, is_declared, is_direct, is_local
 from fedora_qa.diagnosis.proposed_faults import is_testable
 from fedora_qa.diagnosis.trial import UndoTrial
 from fedora_qa.record.types import DiagnosisStatus
@@ -138,7 +138,10 @@ def status_of(
         if rival.key in likely and is_testable(rival.cause, rival.stream, rival.size.magnitude)
     )
     left = [finding for finding in findings if finding in trial.left]
-    if trial.succeeds and not left and not alike and not undecided:
+    # What vanishes by construction confirms a cause only where no other finding asks for another one of the timestamps.
+    by_construction = all(clears_by_construction(candidate.cause, codes[finding]) for finding in trial.cleared)
+    of_clocks = any(code.startswith("clocks.") and finding not in trial.cleared for finding, code in codes.items())
+    if trial.succeeds and not left and not alike and not undecided and not (by_construction and of_clocks):
         return "confirmed", []
     # A finding that is left counts by the share of its deviation that is removed.
     removed = len(trial.cleared) + sum(max(1.0 - abs(trial.left[finding]), 0.0) for finding in left)

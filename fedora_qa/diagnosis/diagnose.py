@@ -27,7 +27,7 @@ from fedora_qa.diagnosis.conclusion import (
     status_of,
 )
 from fedora_qa.diagnosis.confidence import confidence_of
-from fedora_qa.diagnosis.direct import check_of_code, is_direct
+from fedora_qa.diagnosis.direct import check_of_code, clears_by_construction, is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
 from fedora_qa.diagnosis.trial import UndoTrial
@@ -235,6 +235,8 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
         # Deviations that only the trial has brought about count against it.
         cleared = len(trial.cleared) / (len(trial.cleared) + len(trial.caused) + len(trial.crashed))
         prior = evidence.get(finding)
+        if prior is not None and clears_by_construction(candidate.cause, codes[finding]):
+            continue
         if prior is None:
             # A finding that no check would explain by the cause may clear by chance: a shift undoes a delay where the
             # image moves evenly.

@@ -58,8 +58,13 @@ _LOCAL_RULES: Final = frozenset(
         "field",
         "worst_pixel",
         "part",
+        "backward_steps",
     }
 )
+
+_BY_CONSTRUCTION: Final[Mapping[str, str]] = MappingProxyType({"unsorted": "clocks.order", "clock_rate": "clocks.rate"})
+"""Checks of timestamps whose findings vanish with a fault undone, whatever their cause is: sorted timestamps are in
+order, and timestamps that are stretched by the measured rate have the nominal one."""
 
 
 def check_of_code(code: str) -> str:
@@ -81,3 +86,8 @@ def is_declared(code: str) -> bool:
 def is_direct(cause: str, code: str) -> bool:
     """Whether a finding, by its code, is of a check that measures the cause itself."""
     return check_of_code(code) in _CHECKS.get(cause, ())
+
+
+def clears_by_construction(cause: str, code: str) -> bool:
+    """Whether a finding, by its code, vanishes with a cause undone even where that is not the cause."""
+    return check_of_code(code) == _BY_CONSTRUCTION.get(cause)

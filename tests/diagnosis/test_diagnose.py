@@ -185,6 +185,25 @@ def test_what_a_weak_cause_clears_of_a_check_that_it_leaves_is_chance() -> None:
     assert diagnosed(shown, of_curve)[0].cause == "exposure_or_gamma"
 
 
+def test_what_vanishes_by_construction_is_no_evidence() -> None:
+    """Sorted timestamps are in order, whatever has disordered them: a clock that was set back stays ahead."""
+    set_back, unsorted = Hypothesis("time_offset", "events", 0.97, 4.0, "ms"), Hypothesis("unsorted", "events", 0.3)
+    of_order = {("unsorted", "events"): tried("F1"), IS_LATE: tried(left={"F1": 1.0})}
+    shown = [alarm(1, set_back, unsorted, code="clocks.order.backward_steps")]
+    assert [(d.cause, d.status) for d in diagnosed(shown, of_order)] == [("time_offset", "suggested")]
+    shown = [alarm(1, unsorted, code="clocks.order.backward_steps")]
+    assert [(d.cause, d.status) for d in diagnosed(shown, of_order)] == [("unsorted", "confirmed")]
+
+
+@pytest.mark.parametrize(("others", "status"), [((), "confirmed"), (("clocks.gaps.jump",), "supported")])
+def test_a_rate_is_not_confirmed_beside_another_finding_of_clocks(others: tuple[str, ...], status: str) -> None:
+    """Stretched timestamps have the nominal period by construction; a jump beside it asks for another cause of both."""
+    rate = alarm(1, Hypothesis("clock_rate", "events", 0.8, 9400.0, "ppm"), code="clocks.rate.error")
+    lost = Hypothesis("dropped_samples", "events", 0.5)
+    found = diagnosed([rate, *(alarm(2, lost, code=code) for code in others)], {("clock_rate", "events"): tried("F1")})
+    assert [d.status for d in found if d.cause == "clock_rate"] == [status]
+
+
 def test_what_only_brings_about_findings_is_no_cause() -> None:
     """Undoing it leaves nothing that could be judged, clears nothing, and other findings appear."""
     assert diagnosed(BOTH, {IS_SHIFTED: tried()})[0].cause == "spatial_offset"

@@ -61,7 +61,7 @@ def in_one_piece(bench: Bench) -> dict[str, Any]:
     return bench.conclude(bench.measure(0, len(bench.spans)))
 
 
-@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=3, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     cuts=st.lists(st.integers(0, 999), min_size=1, max_size=4),
     pairs=st.lists(st.integers(0, 999), min_size=4, max_size=4),

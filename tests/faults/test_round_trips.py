@@ -199,7 +199,7 @@ def differs(view: FaultySequence, sequence: MemorySequence) -> bool:
 
 
 @pytest.mark.parametrize(("strategy", "compare"), CASES)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(data=st.data())
 def test_round_trip(strategy: Any, compare: Tolerance, data: st.DataObject) -> None:
     """Rows, shapes, types and declarations are as before, in whatever pieces they are read."""
@@ -220,7 +220,7 @@ def test_round_trip(strategy: Any, compare: Tolerance, data: st.DataObject) -> N
     compare_declared(undone.declared, sequence.declared)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(-4, 4), st.integers(-4, 4), st.integers(0, 3))
 def test_colour_keeps_what_stays_in_the_image(columns: int, rows: int, seed: int) -> None:
     """Of shifted colour frames, all pixels are as before but those that had left the image."""

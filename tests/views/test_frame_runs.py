@@ -56,7 +56,7 @@ def climbing_log_pixels(rng: np.random.Generator, frames: int = 20, pixels: int 
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_pixels_with_thresholds_of_their_own_keep_the_law(seed: int) -> None:
     """The declared spread excuses what grows with the number of events of one polarity, from a known start as well."""
     level, counts = climbing_log_pixels(np.random.default_rng(seed))
@@ -71,7 +71,7 @@ def test_pixels_with_thresholds_of_their_own_keep_the_law(seed: int) -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_linear_pixels_with_thresholds_of_their_own_keep_the_law(seed: int) -> None:
     """A lower threshold lets more events stand for the same rise, and a higher one a silent pixel vary by more."""
     rng, frames, pixels = np.random.default_rng(seed), 12, 200

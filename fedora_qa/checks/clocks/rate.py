@@ -156,10 +156,13 @@ class ClocksRate(FactsCheck):
             steps_ns = np.diff(times_ns)
             grid_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
             is_rounded = has_odd_grid_above_period(times_ns)
-            if not is_rounded:
-                # Distance of each timestamp from n nominal periods; rounding keeps their range within one grid.
-                strays_ns = float(np.ptp(times_ns - np.arange(len(times_ns)) * nominal_ns)) if len(times_ns) else 0.0
-                is_rounded = _LEAST_GRID_NS <= grid_ns < steps_ns.min() and strays_ns <= grid_ns
+            if not is_rounded and _LEAST_GRID_NS <= grid_ns < np.median(steps_ns):
+                # Distance of each timestamp from n nominal periods; rounding keeps their range within one grid. The
+                # period of a fit that leaves out jumps is a multiple of the grid, and another rate may be nearer to it.
+                rows = np.arange(len(times_ns))
+                mean_ns = float(np.polyfit(rows, times_ns - times_ns[0], 1)[0])
+                periods_ns = {nominal_ns, _nominal_period_ns(stream, mean_ns, facts.clocks[stream])}
+                is_rounded = any(np.ptp(times_ns - rows * period_ns) <= grid_ns for period_ns in periods_ns)
 
             errors[stream] = Statistic(
                 name=f"{stream}.rate_error",
