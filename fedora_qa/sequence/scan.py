@@ -431,9 +431,9 @@ def longest_steps(earlier: Iterable[EventStep], start: int, previous_ns: int, ti
         # Of equal steps the earlier one is kept, so that a block adds longer ones only.
         least = min(sign * step.length_ns for step in in_direction) if len(in_direction) == KEPT_STEPS else 0
         of_block = [
-            EventStep(start + int(row), int(before_ns[row]), int(times_ns[row]))
-            for row in _largest(sign * steps_ns, least)
+            EventStep(start + int(row), int(before_ns[row]), int(times_ns[row])) for row in _largest(steps_ns, least)
         ]
+        np.negative(steps_ns, out=steps_ns)  # the other direction, without another array of 8 MiB
         kept += sorted((*in_direction, *of_block), key=lambda step: -abs(step.length_ns))[:KEPT_STEPS]
     return tuple(sorted(kept, key=lambda step: step.row))
 
