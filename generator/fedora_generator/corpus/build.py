@@ -176,6 +176,11 @@ class _FileMaker:
     scenes: dict[str, Scene]
     earlier: dict[str, Item]
 
+    def earlier_item(self, planned: PlannedFile) -> Item | None:
+        """Return the item of a file that an earlier run has completed as planned; None without one."""
+        item = self.earlier.get(planned.file)
+        return item if is_complete(planned, self.folder / planned.file, item) else None
+
     def make(self, planned: PlannedFile, clean_sha256: str) -> Item | _Skipped:
         """Make one file, unless it exists as planned, and return its item.
 
@@ -186,9 +191,9 @@ class _FileMaker:
         clean_sha256
             Digest of the clean file that its faults are planted in; empty for a clean one.
         """
-        path, earlier_item = self.folder / planned.file, self.earlier.get(planned.file)
-        if earlier_item is not None and is_complete(planned, path, earlier_item):
+        if (earlier_item := self.earlier_item(planned)) is not None:
             return earlier_item
+        path = self.folder / planned.file
         path.unlink(missing_ok=True)
         path.parent.mkdir(exist_ok=True)
         try:
@@ -275,11 +280,20 @@ def _in_turn(
             report(listing.done, total, planned.file)
             yield planned, maker.make(planned, listing.clean_sha256(planned))
         return
+    missing = []
+    for planned in files:
+        if (item := maker.earlier_item(planned)) is None:
+            missing.append(planned)
+        else:
+            yield planned, item
+    if not missing:
+        return
+    maker = replace(maker, earlier={})  # it travels with each file, and no earlier run has made these
     # This process handles the interrupt: no further file is begun, and those that are being made are completed.
     ignore = (signal.SIGINT, signal.SIG_IGN)
     with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=signal.signal, initargs=ignore) as pool:
         try:
-            work = {pool.submit(maker.make, planned, listing.clean_sha256(planned)): planned for planned in files}
+            work = {pool.submit(maker.make, planned, listing.clean_sha256(planned)): planned for planned in missing}
             for complete in as_completed(work):
                 report(listing.done, total, work[complete].file)
                 yield work[complete], complete.result()
