@@ -9,19 +9,30 @@ from tests.benchmarks.foreign.rows import replace_values
 from tests.benchmarks.foreign_faults.images import sampled
 from tests.benchmarks.foreign_faults.kind import Plan, Plant
 
+Grid = tuple[NDArray[np.float64], NDArray[np.float64]]
+
 
 def _on_bytes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.rint(np.clip(values, 0, 255)).astype(np.uint8)
+
+
+def _pixels_of_sizes(width: int, height: int, factor: float) -> tuple[Grid, Grid]:
+    """Return where the pixels of a smaller image lie in the large one, and those of the large one in the smaller.
+
+    Columns and rows, px, with centres at whole numbers.
+    """
+    small = (np.arange(max(2, round(extent / factor))) for extent in (width, height))
+    coarse = np.meshgrid(*((v + 0.5) * extent / len(v) - 0.5 for v, extent in zip(small, (width, height), strict=True)))
+    ratio = coarse[0].shape[1] / width, coarse[0].shape[0] / height
+    fine = np.meshgrid(*((np.arange(e) + 0.5) * r - 0.5 for e, r in zip((width, height), ratio, strict=True)))
+    return (coarse[0], coarse[1]), (fine[0], fine[1])
 
 
 def enlarged_from_fewer_pixels(file: h5py.File, plan: Plan) -> None:
     """Frames were rendered at a size smaller by a factor, and enlarged bilinearly, with centres in their places."""
     frames = file["path/rgb"][...]
     height, width = frames.shape[1:3]
-    small = (np.arange(max(2, round(extent / plan.size))) for extent in (width, height))
-    coarse = np.meshgrid(*((v + 0.5) * extent / len(v) - 0.5 for v, extent in zip(small, (width, height), strict=True)))
-    ratio = coarse[0].shape[1] / width, coarse[0].shape[0] / height
-    fine = np.meshgrid(*((np.arange(e) + 0.5) * r - 0.5 for e, r in zip((width, height), ratio, strict=True)))
+    coarse, fine = _pixels_of_sizes(width, height, plan.size)
     for number, frame in enumerate(frames):
         frames[number] = _on_bytes(sampled(sampled(frame.astype(np.float64), *coarse), *fine))
     replace_values(file, "path/rgb", frames)
@@ -65,10 +76,7 @@ def depth_blended(file: h5py.File, plan: Plan) -> None:
     """Depth comes from a map smaller by a factor, interpolated bilinearly, so that edges get depths in between."""
     frames = file["path/depth"][...]
     height, width = frames.shape[1:3]
-    small = (np.arange(max(2, round(extent / plan.size))) for extent in (width, height))
-    coarse = np.meshgrid(*((v + 0.5) * extent / len(v) - 0.5 for v, extent in zip(small, (width, height), strict=True)))
-    ratio = coarse[0].shape[1] / width, coarse[0].shape[0] / height
-    fine = np.meshgrid(*((np.arange(e) + 0.5) * r - 0.5 for e, r in zip((width, height), ratio, strict=True)))
+    coarse, fine = _pixels_of_sizes(width, height, plan.size)
     nearest = (
         np.rint(np.clip(coarse[1], 0, height - 1)).astype(int),
         np.rint(np.clip(coarse[0], 0, width - 1)).astype(int),

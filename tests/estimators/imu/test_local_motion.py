@@ -256,8 +256,8 @@ def test_lone_samples_are_counted_and_noise_is_not(times_ns: NDArray[np.int64]) 
     off = motion.copy()
     rows = np.arange(20, 580, 40)
     off[rows, 2] += 0.5
-    found, distances_m = lone_samples(times_ns, VectorSamples(off))
-    np.testing.assert_array_equal(found, rows)
+    lone_rows, distances_m = lone_samples(times_ns, VectorSamples(off))
+    np.testing.assert_array_equal(lone_rows, rows)
     np.testing.assert_allclose(distances_m, 0.5, rtol=0.02)
     jumped = motion + np.where(np.arange(len(motion)) > 300, 0.5, 0.0)[:, np.newaxis]
     noise = 0.003 * np.random.default_rng(7).standard_normal(motion.shape)
