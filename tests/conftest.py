@@ -8,13 +8,13 @@ from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import cv2
-import numba
 import pytest
 from hypothesis import HealthCheck, settings
 
 from fedora_generator.mesh import places
 from fedora_generator.mesh.model import MeshModel
 from fedora_generator.scene import load_scene
+from fedora_generator.threads import NUMBA_CONFIG
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from tests.support.graphics import require_chromium, require_opengl
 from tests.support.sequences import (
@@ -52,7 +52,7 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(autouse=True, scope="session")
 def one_thread() -> None:
     """Limit each process of a test run to one thread; tests of threads set another number."""
-    numba.set_num_threads(1)
+    NUMBA_CONFIG.NUMBA_NUM_THREADS = 1
     cv2.setNumThreads(1)
 
 

@@ -3,11 +3,12 @@
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from fedora_generator.camera import Camera
 from fedora_generator.rendered_world import RenderedWorld
+from fedora_generator.threads import fill_in_threads
 from fedora_qa.conventions import US_PER_S
 
 Floats = NDArray[np.float64]
@@ -39,7 +40,7 @@ def flow_px(
     T_end_start = np.linalg.inv(T_world_camera_end) @ T_world_camera_start
     flow = np.empty((*inverse_depth_per_m.shape, 2), dtype=np.float32)
     H = K @ T_end_start[:3, :3] @ np.linalg.inv(K)
-    displacements(H, K @ T_end_start[:3, 3], inverse_depth_per_m, flow)
+    fill_in_threads(displacements, len(flow), H, K @ T_end_start[:3, 3], inverse_depth_per_m, flow)
     return flow
 
 
@@ -117,13 +118,18 @@ def lens_flow_px(
     return np.asarray(imaged * np.diag(camera.K)[:2] + camera.K[:2, 2] - pixels[..., :2], dtype=np.float32)
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True, nogil=True)
 def displacements(
-    H: NDArray[np.float64], t: NDArray[np.float64], inverse_depth: NDArray[np.float64], flow_px: NDArray[np.float32]
+    H: NDArray[np.float64],
+    t: NDArray[np.float64],
+    inverse_depth: NDArray[np.float64],
+    flow_px: NDArray[np.float32],
+    first_row: int,
+    stop_row: int,
 ) -> None:
-    """Fill ``flow_px`` (height, width, 2) with pi(H p + inverse_depth t) - p; NaN or a point behind gives NaN."""
-    height, width = inverse_depth.shape
-    for y in prange(height):
+    """Fill rows of ``flow_px`` (height, width, 2) with pi(H p + inverse_depth t) - p; NaN where a point is behind."""
+    width = inverse_depth.shape[1]
+    for y in range(first_row, stop_row):
         for x in range(width):
             w = inverse_depth[y, x]
             ahead = H[2, 0] * x + H[2, 1] * y + H[2, 2] + w * t[2]

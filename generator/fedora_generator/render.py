@@ -1,5 +1,6 @@
 """The exact world made ready to render: arrays once, then an image per camera pose."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,15 +8,26 @@ from numpy.typing import NDArray
 
 from fedora_generator.camera import Camera
 from fedora_generator.surfaces.faces import Faces, faces_of, moved
-from fedora_generator.surfaces.lens_kernels import render_centres_through_lens, render_radiance_through_lens
+from fedora_generator.surfaces.lens_kernels import (
+    lens_scratch,
+    render_centres_through_lens,
+    render_radiance_through_lens,
+)
 from fedora_generator.surfaces.light import WHITE_DN, Light, even_irradiance, lamps_over_faces
 from fedora_generator.surfaces.movement import Movement
 from fedora_generator.surfaces.projection import pixel_rays, project_faces
-from fedora_generator.surfaces.render_kernels import render_bodies, render_inverse_depth, render_radiance
+from fedora_generator.surfaces.render_kernels import (
+    render_bodies,
+    render_inverse_depth,
+    render_radiance,
+    tile_count,
+    tile_scratch,
+)
 from fedora_generator.surfaces.shading_kernels import Surfaces, View
 from fedora_generator.surfaces.texture_kernels import TextureTable
 from fedora_generator.surfaces.textures import texture_table
 from fedora_generator.surfaces.world import World
+from fedora_generator.threads import in_threads
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB, US_PER_S
 
 Floats = NDArray[np.float64]
@@ -81,7 +93,7 @@ class ExactWorld:
         if camera.lens is not None:
             return self._at_centres(camera, T_world_camera)[0]
         inverse_depth = np.empty((camera.height, camera.width))
-        render_inverse_depth(self._view(camera, T_world_camera), inverse_depth)
+        self._fill(render_inverse_depth, camera, T_world_camera, inverse_depth)
         return inverse_depth
 
     def visible_bodies(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
@@ -91,29 +103,37 @@ class ExactWorld:
         if camera.lens is not None:
             return self._at_centres(camera, T_world_camera)[1]
         bodies = np.empty((camera.height, camera.width), dtype=np.int64)
-        render_bodies(self._view(camera, T_world_camera), self.faces.bodies, bodies)
+        self._fill(render_bodies, camera, T_world_camera, self.faces.bodies, bodies)
         return bodies
 
     def _radiance_dn(self, surfaces: Surfaces, camera: Camera, T_world_camera: Floats) -> Floats:
         radiance_dn = np.empty((camera.height, camera.width, surfaces.sky_dn.shape[1]))
-        view = self._view(camera, T_world_camera)
         if camera.lens is None:
-            render_radiance(self.textures, surfaces, view, radiance_dn)
+            self._fill(render_radiance, camera, T_world_camera, self.textures, surfaces, radiance_dn)
         else:
-            render_radiance_through_lens(self.textures, surfaces, view, camera.pixel_maps, radiance_dn)
+            stage = (self.textures, surfaces, camera.pixel_maps)
+            self._fill(render_radiance_through_lens, camera, T_world_camera, *stage, radiance_dn)
         return radiance_dn
 
     def _at_centres(self, camera: Camera, T_world_camera: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """Inverse depth, 1/m, and bodies (height, width) at the pixel centres of a distorted camera."""
         inverse_depth = np.empty((camera.height, camera.width))
         bodies = np.empty((camera.height, camera.width), dtype=np.int64)
-        view = self._view(camera, T_world_camera)
-        render_centres_through_lens(view, camera.pixel_maps, self.faces.bodies, inverse_depth, bodies)
+        filled = (self.faces.bodies, inverse_depth, bodies)
+        self._fill(render_centres_through_lens, camera, T_world_camera, camera.pixel_maps, *filled)
         return inverse_depth, bodies
 
-    def _view(self, camera: Camera, T_world_camera: Floats) -> View:
+    def _fill(self, kernel: Callable[..., None], camera: Camera, T_world_camera: Floats, *arguments: object) -> None:
+        """Run a loop over the tiles of an image, ``kernel(view, scratch, *arguments, first_tile, stop_tile)``."""
         front, lines = project_faces(self.faces, camera.K, T_world_camera)
-        return View(front, lines, pixel_rays(camera.K, T_world_camera))
+        view = View(front, lines, pixel_rays(camera.K, T_world_camera))
+        scratch_for = tile_scratch if camera.lens is None else lens_scratch
+
+        def fill(_: int, first_tile: int, stop_tile: int) -> None:
+            scratch = scratch_for(len(front), self.textures.waves.shape[1])
+            kernel(view, scratch, *arguments, first_tile, stop_tile)
+
+        in_threads(fill, tile_count(camera.height, camera.width))
 
 
 def _surfaces(world: World, light: Light, faces: Faces, channels: Floats) -> Surfaces:

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from fedora_generator.scene import load_scene
 from fedora_generator.surfaces.light import WHITE_DN, Light
 from fedora_generator.surfaces.textures import StepPattern, Texture, WaveBand
 from fedora_generator.surfaces.world import Box, Lamp, Rectangle, World
+from fedora_generator.threads import NUMBA_CONFIG
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from tests.generator.reference_world import radiance_rgb_dn
 
@@ -151,19 +151,15 @@ def test_luma_is_the_weighted_sum_of_the_colours() -> None:
     np.testing.assert_allclose(exact.luma_dn(camera, pose(camera)), luma, rtol=1e-12)
 
 
-def test_the_number_of_threads_changes_nothing() -> None:
+def test_the_number_of_threads_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """One thread and two give the same bits."""
     world, light = WORLDS["boxes by night"]
     camera = colour_camera(CameraOptions(width=90, height=70))
     exact, T_world_camera = ExactWorld.of(world, light), pose(camera)
-    before = numba.get_num_threads()
-    try:
-        images = []
-        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
-            numba.set_num_threads(threads)
-            images.append(exact.rgb_dn(camera, T_world_camera))
-    finally:
-        numba.set_num_threads(before)
+    images = []
+    for threads in (1, 2):
+        monkeypatch.setattr(NUMBA_CONFIG, "NUMBA_NUM_THREADS", threads)
+        images.append(exact.rgb_dn(camera, T_world_camera))
     np.testing.assert_array_equal(*images)
 
 

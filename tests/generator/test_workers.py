@@ -8,23 +8,23 @@ from typing import Any
 
 import h5py
 import hdf5plugin  # noqa: F401  registers the codec
-import numba
 import numpy as np
 import pytest
 
 from fedora_generator.cli import main
 from fedora_generator.scene import list_scenes
+from fedora_generator.threads import thread_count
 from tests.support.identical import identical
 
 EXACT = [scene.name for scene in list_scenes() if scene.renderer == "exact"]
 
 PROGRAM = """
 import sys
-import numba
+from fedora_generator.threads import thread_count
 from tests.generator.test_workers import make
 
 make(*sys.argv[1:])
-print(numba.get_num_threads())
+print(thread_count())
 """
 
 
@@ -40,7 +40,7 @@ def make(folder: str) -> None:
 def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Every exact scene, made by one worker in this process and by two in another."""
     one, two = (tmp_path_factory.mktemp(f"workers-{workers}") for workers in (1, 2))
-    assert numba.get_num_threads() == 1
+    assert thread_count() == 1
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", [])
         make(str(one))

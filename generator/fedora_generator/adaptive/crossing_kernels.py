@@ -5,14 +5,15 @@ way; else the middle is sampled too, and both halves are examined in turn. The s
 decides, d: a parabola leaves the range of its ends by d / 8 at most, and is steep where its ends differ by
 d / 2 or more. ``caution`` times as much is allowed for, as no signal is a parabola. In a steep piece the levels that
 lie between its ends are crossed once each, and a bracketed secant finds when.
+
+README.md says why the loops count no references (``UNCOUNTED``) and are inlined in their only caller.
 """
 
 import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit, prange
-from numba.np.ufunc.parallel import get_thread_id
+from numba import njit
 from numpy.typing import NDArray
 
 from fedora_generator.adaptive.light_kernels import (
@@ -28,6 +29,7 @@ from fedora_generator.surfaces.projection_kernels import FaceFrames
 from fedora_generator.surfaces.render_kernels import TILE, tile_origin
 from fedora_generator.surfaces.shading_kernels import Surfaces
 from fedora_generator.surfaces.texture_kernels import TextureTable
+from fedora_generator.uncounted import UNCOUNTED
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -70,7 +72,7 @@ class Clock(NamedTuple):
     timestamp_shift: int
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED, nogil=True)
 def follow_tiles(
     textures: TextureTable,
     surfaces: Surfaces,
@@ -87,6 +89,9 @@ def follow_tiles(
     scratch: Scratch,
     keys: Integers,
     counts: Integers,
+    thread: int,
+    first: int,
+    stop: int,
 ) -> int:
     """Sample tiles and find their events.
 
@@ -114,6 +119,10 @@ def follow_tiles(
         (n, m) keys of each tile, those of a pixel in order of time.
     counts
         (n,) number of keys of each tile, or NOT_FINITE or NO_ROOM.
+    thread
+        Number of the thread that runs this.
+    first, stop
+        Its share of ``tiles``.
 
     Returns
     -------
@@ -121,8 +130,8 @@ def follow_tiles(
         Number of pixels that were rendered.
     """
     rendered = 0
-    for index in prange(len(tiles)):
-        thread, tile = get_thread_id(), tiles[index]  # type: ignore[no-untyped-call]  # Numba's is not
+    for index in range(first, stop):
+        tile = tiles[index]
         own = faces[face_starts[tile] : face_starts[tile + 1]]
         stage = stage_of(textures, surfaces, frames, bodies, coefficients, clock.span_ns * 1e-9, own, scratch, thread)
         values, stack, before = scratch.values[thread], scratch.stack[thread], scratch.before[thread]
@@ -134,7 +143,7 @@ def follow_tiles(
     return rendered
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED, inline="always")
 def _follow_tile(
     stage: Stage,
     sensor: Sensor,
@@ -177,7 +186,7 @@ def _follow_tile(
     return count
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", **UNCOUNTED, inline="always")
 def _is_quiet(sensor: Sensor, care: Care, x: int, y: int, values: Floats) -> bool:
     """Whether a pixel is quiet all along its samples (n + 1,): most are, and need no closer look."""
     lowest, highest, bend = values[0], values[0], 0.0
@@ -191,7 +200,7 @@ def _is_quiet(sensor: Sensor, care: Care, x: int, y: int, values: Floats) -> boo
     return bool(lowest - margin > reference - off and highest + margin < reference + on)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED, inline="always")
 def _follow_pixel(
     stage: Stage,
     sensor: Sensor,
@@ -245,12 +254,12 @@ def _follow_pixel(
     return count
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", **UNCOUNTED, inline="always")
 def _put(end: Floats, share: float, signal: float, bend: float) -> None:
     end[0], end[1], end[2] = share, signal, bend
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def _bend(values: Floats, sample: int) -> float:
     """Largest size of the second differences at a sample and its neighbours."""
     last = len(values) - 1
@@ -262,7 +271,7 @@ def _bend(values: Floats, sample: int) -> float:
     return largest
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED, inline="always")
 def _fire(
     stage: Stage,
     sensor: Sensor,
@@ -299,7 +308,7 @@ def _fire(
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED, inline="always")
 def _crossing(
     stage: Stage,
     sensor: Sensor,

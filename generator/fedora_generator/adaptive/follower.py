@@ -1,9 +1,9 @@
 """The log sensor in the exact world: between two events, only the samples that locate them are rendered."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +18,7 @@ from fedora_generator.events.light import Pixels
 from fedora_generator.flight import Flight
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import Fidelity
+from fedora_generator.threads import in_threads, thread_count
 from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
 
 Floats = NDArray[np.float64]
@@ -66,7 +67,7 @@ class Follower:
         span_ns = path.stop_ns - path.start_ns
         clock = Clock(start_ns, span_ns, self.tick_ns, layout.column_bits, layout.timestamp_shift)
         scratch = scratch_for(
-            threads=numba.get_num_threads(),
+            threads=thread_count(),
             faces=int(np.diff(plan.face_starts).max()),
             waves=self.world.textures.waves.shape[1],
             samples=int(plan.samples.max()),
@@ -89,8 +90,9 @@ class Follower:
         rows, capacity = [np.empty(0, np.int64)], FIRST_CAPACITY
         while tiles.size:
             keys, counts = np.empty((tiles.size, capacity), np.int64), np.empty(tiles.size, np.int64)
-            plan_arrays = (tiles, plan.samples, plan.face_starts, plan.faces)
-            self.rendered_pixels += follow_tiles(*stage, *plan_arrays, scratch, keys, counts)
+            plan_arrays = (plan.samples, plan.face_starts, plan.faces)
+            follow = partial(follow_tiles, *stage, tiles, *plan_arrays, scratch, keys, counts)
+            self.rendered_pixels += sum(in_threads(follow, tiles.size))
             if (counts == NOT_FINITE).any():
                 raise SignalNotFiniteError("Expected finite signals, got one that is infinite or not a number")
             rows += [row[:count] for row, count in zip(keys, counts, strict=True) if count > 0]

@@ -14,6 +14,7 @@ from fedora_generator.surfaces.render_kernels import TILE, render_pixel
 from fedora_generator.surfaces.shading_kernels import Surfaces, View
 from fedora_generator.surfaces.texture_kernels import TextureTable
 from fedora_generator.surfaces.visibility_kernels import possible_faces
+from fedora_generator.uncounted import UNCOUNTED
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -38,8 +39,7 @@ class Sensor(NamedTuple):
 class Scratch(NamedTuple):
     """Scratch space of every thread, first index.
 
-    Compiled code counts references to arrays that it makes itself, which would cost more than the arithmetic. It does
-    not count those of arrays that are arguments of a parallel loop.
+    Loops that count no references to arrays (``UNCOUNTED``) cannot make any themselves.
     """
 
     lines: Floats
@@ -85,8 +85,8 @@ def scratch_for(threads: int, faces: int, waves: int, samples: int, entries: int
         sums=np.empty((threads, 2, entries)),
         given=np.empty((threads, faces), np.int64),
         in_pixel=np.empty((threads, faces), np.int64),
-        piece_x=np.empty((threads, MAX_PIECES, MAX_CORNERS)),
-        piece_y=np.empty((threads, MAX_PIECES, MAX_CORNERS)),
+        piece_x=np.empty((threads, MAX_PIECES + 1, MAX_CORNERS)),
+        piece_y=np.empty((threads, MAX_PIECES + 1, MAX_CORNERS)),
         piece_corners=np.empty((threads, MAX_PIECES), np.int64),
         piece_states=np.empty((threads, faces), np.int64),
         terms=np.empty((threads, waves)),
@@ -125,7 +125,7 @@ class Stage(NamedTuple):
     rendered: Integers
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", **UNCOUNTED, inline="always")
 def stage_of(
     textures: TextureTable,
     surfaces: Surfaces,
@@ -166,7 +166,7 @@ def stage_of(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def look(
     frames: FaceFrames,
     bodies: Integers,
@@ -213,7 +213,7 @@ def look(
         project_face(frames, face, cameras_m[bodies[face]], view.rays, view.lines[index])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED)
 def sample_block(
     stage: Stage, sensor: Sensor, column: int, row: int, rows: int, columns: int, share: float, values: Floats
 ) -> None:
@@ -270,7 +270,7 @@ def sample_block(
     stage.rendered[0] += rows * columns
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", **UNCOUNTED, inline="always")
 def signal_at(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> float:
     """Signal of one pixel of the tile at any share of the path."""
     side = int(np.int64(1))  # a literal is a type of its own, for which Numba would compile the callee once more
@@ -278,7 +278,7 @@ def signal_at(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> flo
     return float(stage.signal[0])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", **UNCOUNTED, inline="always")
 def thresholds_of(sensor: Sensor, x: int, y: int) -> tuple[float, float]:
     """Thresholds of a pixel, brighter and darker."""
     row_on, row_off = y if len(sensor.threshold_on) > 1 else 0, y if len(sensor.threshold_off) > 1 else 0

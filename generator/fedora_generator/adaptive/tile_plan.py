@@ -6,15 +6,16 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from fedora_generator.adaptive.camera_path import CameraPath
 from fedora_generator.surfaces.faces import Faces, moved
 from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE, project_every_face
-from fedora_generator.surfaces.render_kernels import TILE, faces_around_tile, tile_count, tile_origin
+from fedora_generator.surfaces.render_kernels import TILE, faces_around_tile, tile_origin
 from fedora_generator.surfaces.visibility_kernels import W, nearest_face, value
+from fedora_generator.threads import fill_in_threads
 
 Floats = NDArray[np.float64]
 
@@ -81,7 +82,7 @@ def plan_tiles(initial_faces: Faces, path: CameraPath, height: int, width: int, 
         to_end = np.linalg.inv(end.rays)
         H, ts = to_end @ start.rays, (start.cameras_m - end.cameras_m) @ to_end.T
         visible = (start.lines[start.front], initial_faces.bodies[start.front])
-        largest_motions(*visible, H, ts, height, width, motions_px)
+        fill_in_threads(largest_motions, rows * columns, *visible, H, ts, height, width, motions_px)
     motions_px = maximum_filter(motions_px.reshape(rows, columns), size=3, mode="nearest").ravel()
     motions_px = PARTS * np.asarray(motions_px)
     most_samples = max(FEWEST_SAMPLES, (path.stop_ns - path.start_ns) // SHORTEST_STEP_NS)
@@ -90,12 +91,13 @@ def plan_tiles(initial_faces: Faces, path: CameraPath, height: int, width: int, 
     marked = np.zeros((samples.size, len(initial_faces.textures)), dtype=np.bool_)
     for view in views:
         front = np.flatnonzero(view.front)
-        mark_faces(view.lines[front], front, motions_px / PARTS + 1, height, width, marked)
+        reach_px = motions_px / PARTS + 1
+        fill_in_threads(mark_faces, samples.size, view.lines[front], front, reach_px, height, width, marked)
     starts = np.concatenate([[0], np.cumsum(marked.sum(axis=1))])
     return TilePlan(samples, starts.astype(np.int64), np.nonzero(marked)[1].astype(np.int64))
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def largest_motions(
     lines: NDArray[np.float64],
     bodies: NDArray[np.int64],
@@ -104,6 +106,8 @@ def largest_motions(
     height: int,
     width: int,
     motions_px: NDArray[np.float64],
+    first_tile: int,
+    stop_tile: int,
 ) -> None:
     """Raise ``motions_px`` (tiles,) to the largest displacement of any pixel of a tile to another pose.
 
@@ -121,8 +125,10 @@ def largest_motions(
         Of the image, px.
     motions_px
         (tiles,) raised in place.
+    first_tile, stop_tile
+        The tiles to look at.
     """
-    for tile in prange(tile_count(height, width)):
+    for tile in range(first_tile, stop_tile):
         column, row = tile_origin(tile, width)
         in_tile = np.empty(len(lines), np.int64)
         count, uniform = faces_around_tile(lines, column, row, 0.0, in_tile)
@@ -140,7 +146,7 @@ def largest_motions(
         motions_px[tile] = math.sqrt(squared)
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def mark_faces(
     lines: NDArray[np.float64],
     front: NDArray[np.int64],
@@ -148,6 +154,8 @@ def mark_faces(
     height: int,
     width: int,
     marked: NDArray[np.bool_],
+    first_tile: int,
+    stop_tile: int,
 ) -> None:
     """Mark the faces that each tile can show.
 
@@ -163,8 +171,10 @@ def mark_faces(
         Of the image, px.
     marked
         (tiles, faces) set in place.
+    first_tile, stop_tile
+        The tiles to look at.
     """
-    for tile in prange(tile_count(height, width)):
+    for tile in range(first_tile, stop_tile):
         column, row = tile_origin(tile, width)
         faces = np.empty(len(lines), np.int64)
         count, _ = faces_around_tile(lines, column, row, reach_px[tile], faces)

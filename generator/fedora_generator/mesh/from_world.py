@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from fedora_generator.mesh.model import MeshModel, TexturedMesh
@@ -16,6 +16,7 @@ from fedora_generator.surfaces.faces import Faces, faces_of
 from fedora_generator.surfaces.texture_kernels import TextureTable, steps_average, waves_average
 from fedora_generator.surfaces.textures import texture_table
 from fedora_generator.surfaces.world import World
+from fedora_generator.threads import fill_in_threads
 
 Floats = NDArray[np.float64]
 
@@ -63,7 +64,7 @@ def model_of_world(world: World, path_world_m: Floats, *, texel_rad: float = FIN
     return MeshModel(name=world.name, meshes=tuple(meshes), lamps=world.lamps, solids=world.boxes)
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def average_over_texels(
     textures: TextureTable,
     texture: int,
@@ -71,8 +72,10 @@ def average_over_texels(
     texel_m: tuple[float, float],
     wave_offset_m: tuple[float, float],
     s: NDArray[np.float64],
+    first_row: int,
+    stop_row: int,
 ) -> None:
-    """Average a texture over the texels of an image.
+    """Average a texture over the texels of some rows of an image.
 
     Parameters
     ----------
@@ -86,10 +89,12 @@ def average_over_texels(
         Added to (u, v) for the waves.
     s
         (rows along v, columns along u) is filled with the texture's value, 0 to 1.
+    first_row, stop_row
+        The rows.
     """
-    rows, columns = s.shape
+    columns = s.shape[1]
     du, dv = texel_m
-    for row in prange(rows):
+    for row in range(first_row, stop_row):
         terms = np.empty(textures.waves.shape[1])
         v = first_uv_m[1] + row * dv
         for column in range(columns):
@@ -133,7 +138,8 @@ def _mesh_of_cell(cell: Cell, faces: Faces, textures: TextureTable, dark_and_lig
     s = np.empty((sides[1], sides[0]))
     texture = int(faces.textures[cell.face])
     wave_offset_m = tuple(faces.wave_offsets_m[cell.face])
-    average_over_texels(textures, texture, tuple(first_m), tuple(texel_m), wave_offset_m, s)
+    grid = (tuple(first_m), tuple(texel_m), wave_offset_m)
+    fill_in_threads(average_over_texels, len(s), textures, texture, *grid, s)
     dark_rgb, light_rgb = dark_and_light_rgb
     margin = MARGIN_TEXELS / sides
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])

@@ -4,15 +4,34 @@ Each pixel is rendered as that of a pinhole whose image is the affine map of ``l
 parallelogram that the distortion makes of its square, to first order, and its centre is exact.
 """
 
+from typing import NamedTuple
+
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_generator.surfaces.pixel_kernels import empty_pieces
-from fedora_generator.surfaces.render_kernels import TILE, render_pixel, tile_count, tile_origin
+from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE
+from fedora_generator.surfaces.render_kernels import TILE, TileScratch, render_pixel, tile_origin, tile_scratch
 from fedora_generator.surfaces.shading_kernels import Surfaces, View
 from fedora_generator.surfaces.texture_kernels import TextureTable
 from fedora_generator.surfaces.visibility_kernels import W, nearest_face, possible_faces, value
+from fedora_generator.uncounted import UNCOUNTED
+
+
+class LensScratch(NamedTuple):
+    """Scratch space of a thread: that of any image, and its faces as the affine image of a pixel shows them."""
+
+    tile: TileScratch
+    given: NDArray[np.int64]
+    front: NDArray[np.int64]
+    lines: NDArray[np.float64]
+    rays: NDArray[np.float64]
+
+
+def lens_scratch(faces: int, waves: int) -> LensScratch:
+    """Return scratch space for images of so many faces, whose textures have so many waves."""
+    lists = (np.empty(faces, np.int64), np.empty(faces, np.int64))
+    return LensScratch(tile_scratch(faces, waves), *lists, np.empty((faces, LINES_PER_FACE, 3)), np.empty((3, 3)))
 
 
 @njit(cache=True, error_model="numpy")
@@ -31,42 +50,52 @@ def _faces_of_tile(
             left, right = min(left, x_there - reach_x), max(right, x_there + reach_x)
             top, bottom = min(top, y_there - reach_y), max(bottom, y_there + reach_y)
     half = 0.5 * max(right - left, bottom - top)
-    every = np.arange(len(view.lines))
-    return possible_faces(view.lines, every, len(every), 0.5 * (left + right), 0.5 * (top + bottom), half, faces)
+    for index in range(len(view.lines)):
+        faces[index] = index
+    # The list is shortened in place: a face moves to the front of itself.
+    return possible_faces(view.lines, faces, len(view.lines), 0.5 * (left + right), 0.5 * (top + bottom), half, faces)
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True, **UNCOUNTED)
 def render_radiance_through_lens(
+    view: View,
+    scratch: LensScratch,
     textures: TextureTable,
     surfaces: Surfaces,
-    view: View,
     maps: NDArray[np.float64],
     radiance_dn: NDArray[np.float64],
+    first_tile: int,
+    stop_tile: int,
 ) -> None:
-    """Render an image of linear radiance.
+    """Render tiles of an image of linear radiance.
 
     Parameters
     ----------
-    textures, surfaces
-        Textures and light of the faces.
     view
         Faces as the camera pose projects them to the pinhole's image.
+    scratch
+        Scratch space of the thread.
+    textures, surfaces
+        Textures and light of the faces.
     maps
         (height, width, 3, 3) of ``lens.pixel_maps``.
     radiance_dn
         (height, width, channels) is filled with DN averaged over each pixel.
+    first_tile, stop_tile
+        The tiles, in raster order.
     """
-    height, width = radiance_dn.shape[:2]
-    for tile in prange(tile_count(height, width)):
+    width = radiance_dn.shape[1]
+    for tile in range(first_tile, stop_tile):
         column, row = tile_origin(tile, width)
-        _render_tile(textures, surfaces, view, maps, column, row, radiance_dn)
+        _render_tile(view, scratch, textures, surfaces, maps, column, row, radiance_dn)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always", **UNCOUNTED)
 def _render_tile(
+    view: View,
+    scratch: LensScratch,
     textures: TextureTable,
     surfaces: Surfaces,
-    view: View,
     maps: NDArray[np.float64],
     column: int,
     row: int,
@@ -74,19 +103,21 @@ def _render_tile(
 ) -> None:
     """Render the pixels of a tile, each with the lines of the tile's faces in the affine image of that pixel."""
     height, width = radiance_dn.shape[:2]
-    in_tile = np.empty(len(view.front), np.int64)
+    in_tile, in_pixel, pieces, terms = scratch.tile
     count, uniform = _faces_of_tile(view, maps, column, row, in_tile)
-    front, lines, rays = view.front[in_tile[:count]], np.empty((count, view.lines.shape[1], 3)), np.empty((3, 3))
-    local = View(front, lines, rays)
-    given, in_pixel, pieces = np.arange(count), np.empty(count + 1, np.int64), empty_pieces(count)
-    terms = np.empty(textures.waves.shape[1])
+    local = View(scratch.front[:count], scratch.lines[:count], scratch.rays)
+    for i in range(count):
+        local.front[i] = view.front[in_tile[i]]
+        scratch.given[i] = i
     for y in range(row, min(row + TILE, height)):
         for x in range(column, min(column + TILE, width)):
-            _multiply(view.rays, maps[y, x], rays)
+            _multiply(view.rays, maps[y, x], local.rays)
             for i in range(count):
-                _multiply(view.lines[in_tile[i]], maps[y, x], lines[i])
+                _multiply(view.lines[in_tile[i]], maps[y, x], local.lines[i])
             pixel_dn = radiance_dn[y, x]
-            render_pixel(textures, surfaces, local, given, count, uniform, x, y, in_pixel, pieces, terms, pixel_dn)
+            render_pixel(
+                textures, surfaces, local, scratch.given, count, uniform, x, y, in_pixel, pieces, terms, pixel_dn
+            )
 
 
 @njit(cache=True, error_model="numpy")
@@ -97,19 +128,22 @@ def _multiply(rows: NDArray[np.float64], matrix: NDArray[np.float64], product: N
             product[i, j] = rows[i, 0] * matrix[0, j] + rows[i, 1] * matrix[1, j] + rows[i, 2] * matrix[2, j]
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True, **UNCOUNTED)
 def render_centres_through_lens(
     view: View,
+    scratch: LensScratch,
     maps: NDArray[np.float64],
     body_of_face: NDArray[np.int64],
     inverse_depth: NDArray[np.float64],
     bodies: NDArray[np.int64],
+    first_tile: int,
+    stop_tile: int,
 ) -> None:
-    """Render inverse depth and the body at each pixel centre.
+    """Render inverse depth and the body at each pixel centre of tiles.
 
     Parameters
     ----------
-    view, maps
+    view, scratch, maps
         As in ``render_radiance_through_lens``.
     body_of_face
         (n,) body of each face.
@@ -117,11 +151,13 @@ def render_centres_through_lens(
         (height, width) is filled with 1 / z, 1/m; 0 for the sky.
     bodies
         (height, width) is filled with the body; 0 for faces at rest and the sky.
+    first_tile, stop_tile
+        The tiles, in raster order.
     """
     height, width = inverse_depth.shape
-    for tile in prange(tile_count(height, width)):
+    for tile in range(first_tile, stop_tile):
         column, row = tile_origin(tile, width)
-        in_tile = np.empty(len(view.front), np.int64)
+        in_tile = scratch.tile.in_tile
         count, _ = _faces_of_tile(view, maps, column, row, in_tile)
         for y in range(row, min(row + TILE, height)):
             for x in range(column, min(column + TILE, width)):

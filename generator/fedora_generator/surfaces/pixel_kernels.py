@@ -33,8 +33,9 @@ SAME_PLANE: Final = 1e-12
 class Pieces(NamedTuple):
     """Buffers for the pieces of a pixel.
 
-    ``x`` and ``y`` (64, 24) are the corners, ``corners`` (64,) their number in each piece. ``states`` (n,) is, for each
-    face of the pixel, COVERS, MISSES or the border that crosses the piece.
+    ``x`` and ``y`` (65, 24) are the corners, ``corners`` (64,) their number in each piece. The last row of ``x`` and of
+    ``y`` holds the corners of a piece while it is cut. ``states`` (n,) is, for each face of the pixel, COVERS, MISSES
+    or the border that crosses the piece.
     """
 
     x: NDArray[np.float64]
@@ -43,12 +44,11 @@ class Pieces(NamedTuple):
     states: NDArray[np.int64]
 
 
-@njit(cache=True, error_model="numpy")
 def empty_pieces(faces: int) -> Pieces:
     """Empty buffers for a pixel of at most ``faces`` faces."""
     return Pieces(
-        np.empty((MAX_PIECES, MAX_CORNERS)),
-        np.empty((MAX_PIECES, MAX_CORNERS)),
+        np.empty((MAX_PIECES + 1, MAX_CORNERS)),
+        np.empty((MAX_PIECES + 1, MAX_CORNERS)),
         np.zeros(MAX_PIECES, np.int64),
         np.empty(faces, np.int64),
     )
@@ -162,7 +162,9 @@ def _cut_last(pieces: Pieces, last: int, l_x: float, l_y: float, center: float) 
     if last + 1 == MAX_PIECES or corners + 2 > MAX_CORNERS:
         return BUFFER_FULL
     new = last + 1
-    xs, ys = pieces.x[last, :corners].copy(), pieces.y[last, :corners].copy()
+    xs, ys = pieces.x[MAX_PIECES], pieces.y[MAX_PIECES]
+    for i in range(corners):
+        xs[i], ys[i] = pieces.x[last, i], pieces.y[last, i]
     kept, cut = 0, 0
     for i in range(corners):
         j = (i + 1) % corners

@@ -1,9 +1,9 @@
 """The loops over tiles and pixels. A tile writes its own pixels only, so that threads cannot change the result."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from fedora_generator.surfaces.pixel_kernels import (
@@ -18,8 +18,26 @@ from fedora_generator.surfaces.pixel_kernels import (
 from fedora_generator.surfaces.shading_kernels import Surfaces, View, add_face, add_sky
 from fedora_generator.surfaces.texture_kernels import TextureTable
 from fedora_generator.surfaces.visibility_kernels import W, nearest_face, possible_faces, value
+from fedora_generator.uncounted import UNCOUNTED
 
 TILE: Final = 16
+
+
+class TileScratch(NamedTuple):
+    """Scratch space of a thread, for the faces of a tile and of a pixel, for pieces, and for the waves of a texture.
+
+    Loops that count no references to arrays (``UNCOUNTED``), which costs more than their arithmetic, cannot make any.
+    """
+
+    in_tile: NDArray[np.int64]
+    in_pixel: NDArray[np.int64]
+    pieces: Pieces
+    terms: NDArray[np.float64]
+
+
+def tile_scratch(faces: int, waves: int) -> TileScratch:
+    """Return scratch space for images of so many faces, whose textures have so many waves."""
+    return TileScratch(np.empty(faces, np.int64), np.empty(faces, np.int64), empty_pieces(faces), np.empty(waves))
 
 
 @njit(cache=True, error_model="numpy")
@@ -37,7 +55,6 @@ def tile_origin(tile: int, width: int) -> tuple[int, int]:
     return tile % across * TILE, tile // across * TILE
 
 
-@njit(cache=True, error_model="numpy")
 def tile_count(height: int, width: int) -> int:
     """Count the tiles of an image of ``height`` x ``width`` pixels."""
     return ((width + TILE - 1) // TILE) * ((height + TILE - 1) // TILE)
@@ -68,35 +85,58 @@ def faces_around_tile(
         Whether there is exactly one face, and it fills the tile.
     """
     half = 0.5 * TILE
-    every = np.arange(len(lines))
-    return possible_faces(lines, every, len(every), column + half - 0.5, row + half - 0.5, half + reach_px, faces)
+    for index in range(len(lines)):
+        faces[index] = index
+    # The list is shortened in place: a face moves to the front of itself.
+    return possible_faces(lines, faces, len(lines), column + half - 0.5, row + half - 0.5, half + reach_px, faces)
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def render_radiance(textures: TextureTable, surfaces: Surfaces, view: View, radiance_dn: NDArray[np.float64]) -> None:
-    """Render an image of linear radiance.
+@njit(cache=True, error_model="numpy", nogil=True, **UNCOUNTED)
+def render_radiance(
+    view: View,
+    scratch: TileScratch,
+    textures: TextureTable,
+    surfaces: Surfaces,
+    radiance_dn: NDArray[np.float64],
+    first_tile: int,
+    stop_tile: int,
+) -> None:
+    """Render tiles of an image of linear radiance.
 
     Parameters
     ----------
-    textures, surfaces
-        Textures and light of the faces.
     view
         Faces as the camera pose projects them.
+    scratch
+        Scratch space of the thread.
+    textures, surfaces
+        Textures and light of the faces.
     radiance_dn
         (height, width, channels) is filled with DN averaged over each pixel.
+    first_tile, stop_tile
+        The tiles, in raster order.
     """
     height, width = radiance_dn.shape[:2]
-    for tile in prange(tile_count(height, width)):
+    for tile in range(first_tile, stop_tile):
         column, row = tile_origin(tile, width)
-        in_tile = np.empty(len(view.front), np.int64)
-        in_pixel = np.empty(len(view.front), np.int64)
-        count, uniform = faces_around_tile(view.lines, column, row, 0.0, in_tile)
-        pieces = empty_pieces(len(view.front))
-        terms = np.empty(textures.waves.shape[1])
+        count, uniform = faces_around_tile(view.lines, column, row, 0.0, scratch.in_tile)
         for y in range(row, min(row + TILE, height)):
             for x in range(column, min(column + TILE, width)):
                 pixel_dn = radiance_dn[y, x]
-                render_pixel(textures, surfaces, view, in_tile, count, uniform, x, y, in_pixel, pieces, terms, pixel_dn)
+                render_pixel(
+                    textures,
+                    surfaces,
+                    view,
+                    scratch.in_tile,
+                    count,
+                    uniform,
+                    x,
+                    y,
+                    scratch.in_pixel,
+                    scratch.pieces,
+                    scratch.terms,
+                    pixel_dn,
+                )
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -176,47 +216,62 @@ def _add_pieces(
         last -= 1
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def render_inverse_depth(view: View, inverse_depth: NDArray[np.float64]) -> None:
-    """Render inverse depth.
+@njit(cache=True, error_model="numpy", nogil=True, **UNCOUNTED)
+def render_inverse_depth(
+    view: View, scratch: TileScratch, inverse_depth: NDArray[np.float64], first_tile: int, stop_tile: int
+) -> None:
+    """Render inverse depth in tiles.
 
     Parameters
     ----------
     view
         Faces as the camera pose projects them.
+    scratch
+        Scratch space of the thread.
     inverse_depth
         (height, width) is filled with 1 / z at the pixel centres, 1/m; 0 for the sky.
+    first_tile, stop_tile
+        The tiles, in raster order.
     """
     height, width = inverse_depth.shape
-    for tile in prange(tile_count(height, width)):
+    for tile in range(first_tile, stop_tile):
         column, row = tile_origin(tile, width)
-        in_tile = np.empty(len(view.front), np.int64)
-        count, uniform = faces_around_tile(view.lines, column, row, 0.0, in_tile)
+        count, uniform = faces_around_tile(view.lines, column, row, 0.0, scratch.in_tile)
         for y in range(row, min(row + TILE, height)):
             for x in range(column, min(column + TILE, width)):
-                face = in_tile[0] if uniform else nearest_face(view.lines, in_tile, count, x, y)
+                face = scratch.in_tile[0] if uniform else nearest_face(view.lines, scratch.in_tile, count, x, y)
                 inverse_depth[y, x] = value(view.lines, face, W, x, y) if face >= 0 else 0.0
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def render_bodies(view: View, body_of_face: NDArray[np.int64], bodies: NDArray[np.int64]) -> None:
-    """Render the body at each pixel.
+@njit(cache=True, error_model="numpy", nogil=True, **UNCOUNTED)
+def render_bodies(
+    view: View,
+    scratch: TileScratch,
+    body_of_face: NDArray[np.int64],
+    bodies: NDArray[np.int64],
+    first_tile: int,
+    stop_tile: int,
+) -> None:
+    """Render the body at each pixel of tiles.
 
     Parameters
     ----------
     view
         Faces as the camera pose projects them.
+    scratch
+        Scratch space of the thread.
     body_of_face
         (n,) body of each face.
     bodies
         (height, width) is filled with the body at each pixel centre; 0 for faces at rest and the sky.
+    first_tile, stop_tile
+        The tiles, in raster order.
     """
     height, width = bodies.shape
-    for tile in prange(tile_count(height, width)):
+    for tile in range(first_tile, stop_tile):
         column, row = tile_origin(tile, width)
-        in_tile = np.empty(len(view.front), np.int64)
-        count, uniform = faces_around_tile(view.lines, column, row, 0.0, in_tile)
+        count, uniform = faces_around_tile(view.lines, column, row, 0.0, scratch.in_tile)
         for y in range(row, min(row + TILE, height)):
             for x in range(column, min(column + TILE, width)):
-                face = in_tile[0] if uniform else nearest_face(view.lines, in_tile, count, x, y)
+                face = scratch.in_tile[0] if uniform else nearest_face(view.lines, scratch.in_tile, count, x, y)
                 bodies[y, x] = body_of_face[view.front[face]] if face >= 0 else 0

@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 
@@ -18,6 +17,7 @@ from fedora_generator.flight import Flight, FlightOptions
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import FIDELITY, Fidelity
 from fedora_generator.scene import load_scene
+from fedora_generator.threads import NUMBA_CONFIG
 from tests.benchmarks.event_timing import THRESHOLD, Truth, followed, timing_error, truth_of
 from tests.benchmarks.timing_scenes import TEXTURES, TimingScene
 from tests.generator.event_sensor_cases import as_rows, join, options
@@ -173,13 +173,9 @@ def test_the_result_does_not_depend_on_threads_or_room(monkeypatch: pytest.Monke
     expected = as_rows(follow(scene, 2 * STEP_NS, threshold_on=0.05, threshold_off=0.05))
     monkeypatch.setattr(follower, "FIRST_CAPACITY", 1)
     assert as_rows(follow(scene, 2 * STEP_NS, threshold_on=0.05, threshold_off=0.05)) == expected
-    before = numba.get_num_threads()
-    try:
-        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
-            numba.set_num_threads(threads)
-            assert as_rows(follow(scene, 2 * STEP_NS, threshold_on=0.05, threshold_off=0.05)) == expected
-    finally:
-        numba.set_num_threads(before)
+    for threads in (2, 3):
+        monkeypatch.setattr(NUMBA_CONFIG, "NUMBA_NUM_THREADS", threads)
+        assert as_rows(follow(scene, 2 * STEP_NS, threshold_on=0.05, threshold_off=0.05)) == expected
     assert len(expected) > 4000
 
 
