@@ -10,7 +10,11 @@ from fedora_qa.record.types import DiagnosisStatus, FileRecord, Measurement, Res
 
 @dataclass(frozen=True, slots=True)
 class MeasuredDeviation:
-    """One measurement: its deviation from what is expected, its limit, and its detection limit, all in ``unit``."""
+    """One measurement: its deviation from what is expected, its limit, and its detection limit, all in ``unit``.
+
+    ``least_detectable_range`` is that of the most and of the least sensitive place or time, as in the record; None
+    where all are alike, and in results that were stored before ranges were.
+    """
 
     check: str
     name: str
@@ -19,6 +23,17 @@ class MeasuredDeviation:
     deviation: float
     limit: float | None
     least_detectable: float | None
+    least_detectable_range: tuple[float, float] | None = None
+
+    @property
+    def stated_limits(self) -> tuple[float, float] | None:
+        """The detection limits at the most and at the least sensitive place or time; None where none is stated.
+
+        A fault of at least the higher one is detected wherever it is; one below the lower one is detected nowhere.
+        """
+        if not self.least_detectable:
+            return None
+        return self.least_detectable_range or (self.least_detectable, self.least_detectable)
 
     @property
     def exceeds(self) -> bool:
@@ -89,6 +104,7 @@ def checked_from(file: FileRecord) -> CheckedFile:
             measurement.value - measurement.expected,
             measurement.limit,
             measurement.least_detectable,
+            measurement.least_detectable_range,
         )
         for result in file.results
         if result.outcome in {"passed", "warned", "failed"}

@@ -19,7 +19,12 @@ more than twice what it was are counted like all others, and their number is sta
 show that a fault disturbs the data of the measurement.
 
 Either way each trial has its ratio to the limit that was stated of its own clean file, because limits differ from file
-to file as their information does. A stated limit is too bold where fewer than 90% of the faults from 1 on were found,
+to file as their information does. A value that is the worst of several places or times has a range of limits
+``[low, high]``: what it promises is that a fault of ``high`` is detected wherever it is, and that one below ``low`` is
+detected nowhere. Where a fault has its largest effect is not known before, and the worst place of a clean file is one
+at random. So the ratio is that to ``high``, and a limit is too cautious only by its ratio to ``low``.
+
+A stated limit is too bold where fewer than 90% of the faults from 1 on were found,
 and so few would be found with less than 5% probability if the promised 95% were true; too cautious where 95% are found
 at less than half of it already; untested where fewer than three faults lie between 1 and 4, or one was missed that may
 have been missed by chance; and true otherwise.
@@ -57,12 +62,14 @@ _NOTHING: Final = 0.01
 class _Comparison:
     """A trial whose clean file states a limit: that limit, the fault in units of it, and whether it was found.
 
+    Of a range of limits ``limit`` and ``ratio`` refer to the highest, ``ratio_to_lowest`` to the lowest.
     ``is_detected`` is by the check that states the limit, ``by_any`` by any check. ``is_disturbed``: the faulty file
     states a limit of more than ``_DISTURBED`` times that of the clean one.
     """
 
     limit: float
     ratio: float
+    ratio_to_lowest: float
     is_detected: bool
     by_any: bool
     is_disturbed: bool
@@ -111,7 +118,9 @@ def stated_limits(
             others.append(NotComparable(sized.cause, check, why))
             continue
         limits = [trial.limit for trial in compared.trials]
-        curve = curve_of([trial.ratio for trial in informative], [trial.is_detected for trial in informative])
+        is_detected = [trial.is_detected for trial in informative]
+        curve = curve_of([trial.ratio for trial in informative], is_detected)
+        of_lowest = [trial.ratio_to_lowest for trial in informative]
         share = _found_from(1, compared.trials)
         by_any = [replace(trial, is_detected=trial.by_any) for trial in compared.trials]
         comparable.append(
@@ -127,7 +136,7 @@ def stated_limits(
                 found_from_it=share,
                 found_from_twice=_found_from(2, compared.trials),
                 curve=curve,
-                truth=_truth(share, curve, [trial.ratio for trial in informative]),
+                truth=_truth(share, [t.ratio for t in informative], curve_of(of_lowest, is_detected), min(of_lowest)),
                 found_from_twice_by_any=_found_from(2, by_any),
                 worsened=sum(trial.is_disturbed for trial in compared.trials),
             )
@@ -156,15 +165,17 @@ def _by_size(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _Lim
     for size, trial in zip(sized.sizes, sized.trials, strict=True):
         of_faulty = _of_check(trial, check)
         limits = [
-            (measurement.least_detectable * to_size, _is_disturbed(measurement, of_faulty.get(name)))
+            (high * to_size, low * to_size, _is_disturbed(measurement, of_faulty.get(name)))
             for name, measurement in _stated(trial, check, clean).items()
-            if name in names and measurement.least_detectable
+            if name in names and measurement.stated_limits is not None
             if (to_size := factor_between(measurement.unit, sized.unit)) is not None
+            for low, high in [measurement.stated_limits]
         ]
         if limits:
-            least, is_disturbed = min(limits)
+            high, _, is_disturbed = min(limits)
+            low = min(low for _, low, _ in limits)
             is_detected, by_any = is_found_by(trial, check), trial.checked.is_found
-            trials.append(_Comparison(least, size / least, is_detected, by_any, is_disturbed))
+            trials.append(_Comparison(high, size / high, size / low, is_detected, by_any, is_disturbed))
     return _LimitTrials("size", names, sized.unit, tuple(trials)) if trials else None
 
 
@@ -179,14 +190,16 @@ def _by_response(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> 
         compared: list[_Comparison] = []
         for trial in sized.trials:
             before, after = _stated(trial, check, clean).get(name), _of_check(trial, check).get(name)
-            if before and after and before.least_detectable:
+            if before and after and before.stated_limits:
+                low, high = before.stated_limits
                 # The noise of the clean file is in both measurements and cancels: the difference is the effect of the
                 # fault.
-                ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
+                effect = before.harm(after.deviation - before.deviation)
                 compared.append(
                     _Comparison(
-                        before.least_detectable,
-                        ratio,
+                        high,
+                        effect / high,
+                        effect / low,
                         after.exceeds,
                         trial.checked.is_found,
                         _is_disturbed(before, after),
@@ -234,13 +247,14 @@ def _found_from(ratio: float, trials: Sequence[_Comparison]) -> Share:
     return share_of(sum(detected), len(detected))
 
 
-def _truth(from_it: Share, curve: Curve, ratios: Sequence[float]) -> Truth:
+def _truth(from_it: Share, ratios: Sequence[float], curve: Curve, least: float) -> Truth:
+    """Judge a limit by ratios to the highest limits of ranges, and by curve and least ratio to the lowest ones."""
     too_few_found = from_it.count < _NEEDED * from_it.of
     # P(X <= count) if the promised 95% were true.
     if too_few_found and 1 - chance_of(from_it.count + 1, from_it.of, _PROMISED) < _BY_CHANCE:
         return "too_bold"
     at_95 = curve.at_95.value
-    if curve.fitted == "all_found" and min(ratios) < _CAUTIOUS:
+    if curve.fitted == "all_found" and least < _CAUTIOUS:
         return "too_cautious"
     if at_95 is not None and at_95 < _CAUTIOUS:
         return "too_cautious"

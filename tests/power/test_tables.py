@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
+from pydantic import TypeAdapter
 
-from fedora_qa.power.checked_file import NamedCause, checked_from
+from fedora_qa.power.checked_file import MeasuredDeviation, NamedCause, checked_from
 from fedora_qa.power.detection import by_cause, curve_of, detections, false_alarms
 from fedora_qa.power.manifest import PlantedFault
 from fedora_qa.power.stated_limits import stated_limits
@@ -237,6 +238,34 @@ def test_a_fault_that_widens_the_limit_counts() -> None:
     stated = limits_of((clean(stated=at_first), *trials, *wide))
     assert (stated.found_from_it.count, stated.found_from_it.of) == (15, 24)
     assert (stated.worsened, stated.truth) == (9, "too_bold")
+
+
+@pytest.mark.parametrize(
+    ("least_px", "highest_px", "truth"), [(1.0, 1.0, "too_bold"), (1.0, 2.0, "true"), (0.1, 2.0, "true")]
+)
+def test_a_range_promises_its_highest_limit(least_px: float, highest_px: float, truth: str) -> None:
+    """What is detected from 1.9 px on is true of a range up to 2 px, whatever the most sensitive place could detect."""
+    stated = replace(measurement(name="shift", unit="px"), least_detectable_range=(least_px, highest_px))
+    limits = limits_of((clean(stated=(stated,)), *(moved(k, effect, 1.9) for k, effect in enumerate(EFFECTS_PX))))
+    assert (limits.median, limits.truth) == (highest_px, truth)
+
+
+@pytest.mark.parametrize(("least_px", "truth"), [(0.2, "true"), (1.0, "too_cautious")])
+def test_a_range_is_too_cautious_only_by_its_lowest_limit(least_px: float, truth: str) -> None:
+    """What is detected from 0.2 px on is no surprise where the most sensitive place detects that."""
+    stated = replace(measurement(name="shift", unit="px"), least_detectable_range=(least_px, 1.0))
+    limits = limits_of((clean(stated=(stated,)), *(moved(k, effect, 0.2) for k, effect in enumerate(EFFECTS_PX))))
+    assert limits.truth == truth
+
+
+def test_a_range_is_stored_with_its_measurement() -> None:
+    """The range of the record is kept, and a result that was stored without one has the single limit."""
+    shift = Measurement("shift", 0.1, "px", 0.1, 0.0, 0.6, 0.8, least_detectable_range=(0.75, 4.0))
+    passed = Result(CHECK, "passed", "Are events in place?", (shift,), Coverage(1, 1, "windows"))
+    (stored,) = checked_from(file_record(passed)).measurements
+    assert stored.stated_limits == (0.75, 4.0)
+    before = {name: value for name, value in asdict(stored).items() if name != "least_detectable_range"}
+    assert TypeAdapter(MeasuredDeviation).validate_python(before).stated_limits == (0.8, 0.8)
 
 
 def test_far_beyond_its_limit_a_fault_says_nothing_of_it() -> None:
