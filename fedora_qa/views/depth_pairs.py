@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
 from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth, noise_directions
-from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, lattice_stride, lattice_values
+from fedora_qa.estimators.depth.warp import (
+    DepthLattice,
+    DepthModel,
+    WarpedLattice,
+    lattice_stride,
+    lattice_values,
+    warp,
+)
 from fedora_qa.estimators.images.values import positive_extremes
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.record.types import Coverage, Where
@@ -106,6 +113,34 @@ class DepthPair:
         camera = self.track.camera
         return DepthModel(to_sampled * camera.K, self.motion, motion_error=self.motion_error, lens=camera.lens)
 
+    def warped_after(self, fit: DepthFit, lattice: DepthLattice) -> WarpedLattice:
+        """Warp pixels of the first frame by the motion of a fit.
+
+        A fit of all directions of the motion removes an error of interpolation with the noise. The residuals may have
+        only what it leaves of that error; an infinite bound (no pose samples to estimate it by) stays infinite.
+        """
+        model = replace(self.model(), motion=self.motion.corrected(fit.twist))
+        if not np.isfinite(self.motion_error).all():
+            return warp(model, lattice, self.image1)
+        warped = warp(replace(model, motion_error=0.0), lattice, self.image1)
+        # Column a is what is left of the largest error along axis a.
+        return warped.allowing(fit.motion_left * self.motion_error) if self.motion_error.any() else warped
+
+    def rounding_covariance(self) -> Float64:
+        """Return the covariance (6, 6) of the twist, rad and m, by the steps in which poses are stored.
+
+        A component that was rounded errs uniformly within its bound b, with variance ``b^2 / 3``. A quaternion holds
+        half angles.
+        """
+        steps = self.window.facts.steps
+        largest_m = float(np.abs(self.track.poses.positions_world_m).max(initial=0.0))
+        position, orientation = (steps.get(f"path/pose/{part}", StoredStep()) for part in ("position", "orientation"))
+        position_bound_m = max(float(position.component(i).error_bounds(largest_m)) for i in range(3))
+        quaternion_bound = max(float(orientation.component(i).error_bounds(1.0)) for i in range(4))
+        return self.track.covariance(
+            self.start_ns, self.end_ns, position_bound_m / sqrt(3), 2 * quaternion_bound / sqrt(3)
+        )
+
     def scaled(self, factor: float) -> DepthModel:
         """Return the declared model with depths that are too large by a factor."""
         return replace(self.model(), scale=factor)
@@ -144,8 +179,12 @@ def _fit_as_declared(window: Window, first: int, second: int) -> DepthFit | None
     pair = pair_between(window, pose_track(window, window.facts.declared.cameras["depth"]), first, second)
     if pair is None:
         return None
-    model = pair.model()
-    return fit_depth(lambda _: model, pair.lattice_to_fit(), pair.image1, pair.noise, start=0.0, step=None)
+    # Pixels are weighted by their own errors: what interpolation may add is an error of the motion, which is fitted.
+    model, lattice = replace(pair.model(), motion_error=0.0), pair.lattice_to_fit()
+    fit = fit_depth(lambda _: model, lattice, pair.image1, pair.noise, start=0.0, step=None)
+    if fit is None or not pair.motion_error.any():
+        return fit
+    return replace(fit, typical_bound=pair.warped_after(fit, lattice).typical_bound)
 
 
 def owned_pairs(window: Window) -> Iterator[DepthPair | None]:

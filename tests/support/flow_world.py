@@ -192,7 +192,7 @@ def observe(check: Check[Any], world: FlowWorld, *, tile_share: float = 1.0, fol
     """Run one check over the whole file, with the second look that it asks for."""
     if len(world.rows_by_key.get("path/depth", ())):  # as the survey of a file infers it
         step = image_step(world.rows_by_key["path/depth"][0])
-        world = replace(world, facts=replace(world.facts, steps={"path/depth": step}))
+        world = replace(world, facts=replace(world.facts, steps={**world.facts.steps, "path/depth": step}))
     windows = world.windows(Sampling(tile_share=tile_share))
     state = check.start(world.facts)
     for window in windows:

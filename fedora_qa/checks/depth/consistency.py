@@ -9,7 +9,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
-from fedora_qa.estimators.depth.warp import warp
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
 from fedora_qa.features import Feature
@@ -185,9 +184,10 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
     Each pixel has a bound, which is the sum of: rounding to float32; half a step where depths are quantised; a quarter
     of the second differences of the inverse depth around the pixel in both frames (twice Lagrange's bilinear error of a
     smooth surface; for white noise about twice its spread); the interpolation of the pose where timestamps lie between
-    its samples. A median must not exceed the median of its bounds. Where the file declares pose noise, a correction of
-    the motion is fitted to each pair. The correction must have the size that the declared noise implies: its square is
-    chi-square, and is made normal by the cube root.
+    its samples, less what the fit of the motion within its declared noise removes of it. A median must not exceed the
+    median of its bounds. Where the file declares pose noise, a correction of the motion is fitted to each pair. The
+    correction must have the size that the declared noise implies: its square is chi-square, and is made normal by the
+    cube root.
 
     Cannot detect
     -------------
@@ -383,12 +383,12 @@ def compare(pair: DepthPair) -> PairAgreement | None:
     PairAgreement | None
         None where the frames share too few pixels.
     """
-    model, lattice = pair.model(), pair.lattice()
+    lattice = pair.lattice()
     # Declared pose noise moves all pixels together: without this correction it would count as an error of depth.
     fit = pair.fit_as_declared()
     if fit is None:
         return None
-    warped = warp(replace(model, motion=model.motion.corrected(fit.twist)), lattice, pair.image1)
+    warped = pair.warped_after(fit, lattice)
     compared = np.isfinite(warped.residuals)
     residuals, bounds = np.abs(warped.residuals[compared]), warped.bounds[compared]
     whole = DepthDeviation(median_of(residuals), median_of(bounds))

@@ -119,9 +119,9 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
         """
         return float("nan")
 
-    def pooled(self, fits: Sequence[PairParameter]) -> PooledParameter | None:
-        """Pool the pairs."""
-        return pool(fits)
+    def pooled(self, fits: Sequence[PairParameter], *, known_noise: bool) -> PooledParameter | None:
+        """Pool the pairs, as ``pool`` does."""
+        return pool(fits, known_noise=known_noise)
 
     @abstractmethod
     def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
@@ -153,13 +153,15 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
             # A pair of frames that does not constrain the parameter has no finite standard error.
             if fit is None or not np.isfinite(fit.standard_error):
                 continue
+            # Rounded poses move the parameter by g e, with g its derivative by the twist: variance g C g^T.
+            by_rounding = fit.value_by_twist @ pair.rounding_covariance() @ fit.value_by_twist
             fits.append(
                 PairParameter(
                     pair.first,
                     pair.second,
                     lattice.depths_m.size,
                     fit.value,
-                    fit.standard_error,
+                    float(np.sqrt(fit.standard_error**2 + by_rounding)),
                     fit.bound,
                     as_declared.typical if as_declared else np.inf,
                     fit.typical,
@@ -175,7 +177,7 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
         fits = sorted((fit for fits in state for fit in fits), key=lambda fit: fit.first)
         total = max(int(np.count_nonzero(facts.clocks["depth"].advancing)) - 1, 0)
         coverage = pixels_of_pairs(sum(fit.pixels_read for fit in fits), total, facts)
-        pooled = self.pooled(fits)
+        pooled = self.pooled(fits, known_noise=facts.declared.pose is not None)
         if pooled is None:
             why = "no two depth frames show the same surfaces from clearly different poses"
             return Observation(coverage, unobservable=why)
@@ -183,12 +185,20 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
         return Observation(coverage, (replace(self.statistic(pooled, fits), where=where),))
 
 
-def pool(fits: Sequence[PairParameter]) -> PooledParameter | None:
+def pool(fits: Sequence[PairParameter], *, known_noise: bool) -> PooledParameter | None:
     """Return the weighted mean of the parameters of pairs; None without pairs.
 
-    Pairs that share a pose have errors of opposite sign, so the error of their mean is less than stated. Where pairs
-    scatter more than their errors, the scatter gives the standard error. Pairs far from the others have less weight
-    (Cauchy's weights), so that single bad frames do not dominate.
+    Pairs that share a pose have errors of opposite sign, so the error of their mean is less than stated. Pairs far from
+    the others have less weight (Cauchy's weights), so that single bad frames do not dominate.
+
+    Parameters
+    ----------
+    fits
+        The parameter of each pair.
+    known_noise
+        Whether the noise of the poses is declared. Then the errors of the pairs are known, and pairs that scatter more
+        do not excuse a deviation: a fault that moves each pair by another amount would otherwise raise the limit with
+        its own size. Where it is not declared, the scatter of the pairs gives the standard error if it is larger.
     """
     if not fits:
         return None
@@ -203,13 +213,15 @@ def pool(fits: Sequence[PairParameter]) -> PooledParameter | None:
     weights = 1.0 / (sigmas**2 * (1.0 + ((values - median) / (_FAR * scale)) ** 2))
     weights /= weights.sum()
     value = float(weights @ values)
-    # Standard error of a weighted mean from the scatter of its values, with n / (n - 1) for the fitted mean.
-    spread = np.sqrt(weights**2 @ (values - value) ** 2 * len(fits) / max(len(fits) - 1, 1))
+    variance = weights**2 @ errors**2
+    if not known_noise:
+        # Variance of a weighted mean from the scatter of its values, with n / (n - 1) for the fitted mean.
+        variance = max(variance, weights**2 @ (values - value) ** 2 * len(fits) / max(len(fits) - 1, 1))
     # Frames that agreed exactly as declared leave no residual to remove.
     residual_ratios = np.divide(fitted, declared, out=np.ones_like(fitted), where=declared > 0)
     return PooledParameter(
         value=value,
-        standard_error=float(max(np.sqrt(weights**2 @ errors**2), spread)),
+        standard_error=float(np.sqrt(variance)),
         # Bounds average linearly: an error of the model may have the same sign in all pairs.
         bound=float(weights @ bounds),
         residual_reduction=max(float(np.median(1.0 - residual_ratios)), 0.0),

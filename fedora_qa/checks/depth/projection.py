@@ -27,7 +27,8 @@ class DepthProjection(FittedParameter):
     Noise model
     -----------
     As in ``depth.scale``: the bounds of ``depth.consistency``, propagated in the worst direction (model error bound),
-    and the declared pose noise (standard error; the spread over pairs where that is larger).
+    and the declared pose noise and the steps of stored poses (standard error). Where no pose noise is declared, the
+    spread over pairs is the standard error if it is larger.
 
     Cannot detect
     -------------

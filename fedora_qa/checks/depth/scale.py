@@ -66,9 +66,9 @@ class DepthScale(FittedParameter):
 
     Noise model
     -----------
-    The bounds of ``depth.consistency``, propagated through the fit in the worst direction (model error bound), and the
-    declared pose noise, which changes the motion of each pair (standard error; the spread over pairs where that is
-    larger).
+    The bounds of ``depth.consistency``, propagated through the fit in the worst direction (model error bound); and the
+    declared pose noise and the steps of stored poses, which change the motion of each pair (standard error). Where no
+    pose noise is declared, the spread over pairs is the standard error if it is larger.
 
     Cannot detect
     -------------
@@ -116,12 +116,12 @@ class DepthScale(FittedParameter):
         )  # fmt: skip
         return 1 / path_fit.value if path_fit is not None and path_fit.value else float("nan")
 
-    def pooled(self, fits: Sequence[PairParameter]) -> PooledParameter | None:
+    def pooled(self, fits: Sequence[PairParameter], *, known_noise: bool) -> PooledParameter | None:
         """Pool the reciprocals of the factors.
 
         With noise of the positions, the ratio of path to depths is normal, and its reciprocal is skewed.
         """
-        pooled = pool([_reciprocal(fit) for fit in fits if fit.value != 0])
+        pooled = pool([_reciprocal(fit) for fit in fits if fit.value != 0], known_noise=known_noise)
         return None if pooled is None or pooled.value == 0 else _reciprocal(pooled)
 
     def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:

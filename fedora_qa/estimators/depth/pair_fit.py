@@ -66,6 +66,12 @@ class DepthFit:
     noise_square, noise_dof
         Chi squared of the twist under its declared covariance, and the number of its directions that the depths
         constrain.
+    value_by_twist
+        (6,) change of the parameter by an error of the motion (rad, then m) that the fit does not know; 0 without a
+        parameter.
+    motion_left
+        (6, 6) what the fit leaves of a further error of the motion (rad, then m): the identity where it fits less than
+        all six directions.
     """
 
     value: float
@@ -78,6 +84,8 @@ class DepthFit:
     typical_bound: float
     noise_square: float
     noise_dof: float
+    value_by_twist: Float64
+    motion_left: Float64
 
     @property
     def agrees(self) -> bool:
@@ -177,10 +185,12 @@ class _FitStep:
     ----------
     warped
         The lattice before the step.
-    change, errors
-        (1 + k,) the step and the standard errors, the parameter first.
+    change, covariance
+        (1 + k,) the step and (1 + k, 1 + k) the covariance, the parameter first.
     bound
         Bound on the systematic error of the parameter.
+    by_twist
+        (6,) change of the parameter by an error of the motion.
     typical
         Median absolute residual before the step.
     moved
@@ -189,10 +199,16 @@ class _FitStep:
 
     warped: WarpedLattice
     change: Float64
-    errors: Float64
+    covariance: Float64
     bound: float
+    by_twist: Float64
     typical: float
     moved: float
+
+    @property
+    def errors(self) -> Float64:
+        """(1 + k,) standard errors, the parameter first."""
+        return np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +266,7 @@ class _FitProblem:
                 return None
             value_derivatives = (ahead - behind) / (2 * self.step)
         # The order of axes of the noise depends on where it comes from; the loop is compiled for one.
-        residuals, bounds, columns = _compared_rows(
+        residuals, bounds, columns, twists = _compared_rows(
             warped.residuals,
             warped.bounds,
             value_derivatives,
@@ -263,7 +279,7 @@ class _FitProblem:
         prior = np.ones(columns.shape[1])
         prior[0] = 0.0 if np.any(columns[:, 0]) else 1.0
         prior_gradient = np.concatenate(([0.0], z))
-        step = _weighted_step(residuals, bounds, columns, prior, prior_gradient, MAD_TO_SIGMA, convex)
+        step = _weighted_step(residuals, bounds, columns, twists, prior, prior_gradient, MAD_TO_SIGMA, convex)
         return _FitStep(warped, *step[1:]) if step[0] else None
 
 
@@ -276,11 +292,25 @@ def _fit_from(last: _FitStep, value: float, z: Float64, noise: Float64, step: fl
         coefficients=z,
         warped=last.warped,
         typical=last.typical,
-        typical_bound=median_of(last.warped.bounds[np.isfinite(last.warped.bounds)]),
+        typical_bound=last.warped.typical_bound,
         noise_square=float(z @ z),
         # A direction counts by the part of its prior variance of 1 that the depths remove: sum (1 - error^2).
         noise_dof=float(np.sum(1.0 - last.errors[1:] ** 2)),
+        value_by_twist=last.by_twist,
+        motion_left=_motion_left(noise, last.covariance[1:, 1:]),
     )
+
+
+def _motion_left(noise: Float64, covariance: Float64) -> Float64:
+    """Return what a fit of the twist leaves of a further error e of the motion, to first order, as a (6, 6) matrix.
+
+    With residuals ``J (e + N z)``, weights W and the prior of z, the fit has ``z = -C N^T J^T W J e``, where
+    ``C = (N^T J^T W J N + 1)^-1`` is the covariance of z. Where the directions N (6, 6) of the noise span all errors,
+    ``e = N f``, so that ``z = -(1 - C) f``, and ``e + N z = N C N^-1 e`` is left.
+    """
+    if noise.shape != (6, 6):
+        return np.eye(6)
+    return np.asarray(noise @ covariance @ np.linalg.inv(noise))
 
 
 def _correction(twist: Float64) -> Callable[[DepthModel], DepthModel]:
@@ -301,11 +331,12 @@ def _weighted_step(
     residuals: Float64,
     bounds: Float64,
     columns: Float64,
+    twists: Float64,
     prior: Float64,
     prior_gradient: Float64,
     to_sigma: float,
     convex: bool,
-) -> tuple[bool, Float64, Float64, float, float, float]:
+) -> tuple[bool, Float64, Float64, float, Float64, float, float]:
     """Return a step of robust normal equations of k numbers, from n pixels.
 
     Parameters
@@ -314,6 +345,8 @@ def _weighted_step(
         (n,) residuals of the pixels, and bounds of them.
     columns
         (n, k) derivatives of the residuals by the numbers.
+    twists
+        (n, 6) derivatives of the residuals by the twist of the motion.
     prior
         (k,) reciprocal of the prior variance of each number; 0 where it is free.
     prior_gradient
@@ -327,17 +360,19 @@ def _weighted_step(
     -------
     solved
         False where the equations are singular.
-    change, errors
-        (k,) the step and the standard errors of the numbers.
+    change, covariance
+        (k,) the step and (k, k) the covariance of the numbers.
     bound
         Error of the first number where all residuals are at their bounds in the worst direction.
+    by_twist
+        (6,) change of the first number by an error of the motion.
     median
         Median absolute residual.
     moved
         Mean absolute change of the residuals by the step, in their sigmas.
     """
     n, k = columns.shape
-    median = median_of(np.abs(residuals))
+    median, by_twist = median_of(np.abs(residuals)), np.zeros(6)
     typical = to_sigma * median
     weights = np.empty(n)
     matrix, gradient = np.diag(prior), prior_gradient.copy()
@@ -357,13 +392,13 @@ def _weighted_step(
         for b in range(a):
             matrix[b, a] = matrix[a, b]
     if not inverted(matrix):
-        return False, gradient, gradient, 0.0, median, 0.0
-    inverse, errors, change = matrix, np.empty(k), np.zeros(k)
+        return False, gradient, matrix, 0.0, by_twist, median, 0.0
+    inverse, change = matrix, np.zeros(k)
     for a in range(k):
-        errors[a] = np.sqrt(max(inverse[a, a], 0.0))
         for b in range(k):
             change[a] -= inverse[a, b] * gradient[b]
     # The first number is row 0 of (J^T W J + prior)^-1 J^T W times the residuals: bound = sum |row| bounds.
+    # An error e of the motion adds J_twist e to the residuals, and moves the number by -row J_twist e.
     bound, moved = 0.0, 0.0
     for i in range(n):
         slope, move = 0.0, 0.0
@@ -371,8 +406,10 @@ def _weighted_step(
             slope += columns[i, a] * inverse[0, a]
             move += columns[i, a] * change[a]
         bound += abs(slope) * weights[i] * bounds[i]
+        for axis in range(6):
+            by_twist[axis] -= slope * weights[i] * twists[i, axis]
         moved += abs(move) / max(bounds[i], typical)
-    return True, change, errors, bound, median, moved / n
+    return True, change, inverse, bound, by_twist, median, moved / n
 
 
 @njit(cache=True)
@@ -423,22 +460,23 @@ def inverted(matrix: Float64) -> bool:
 @njit(cache=True)
 def _compared_rows(
     residuals: Float64, bounds: Float64, by_value: Float64, by_twist: Float64, noise: Float64
-) -> tuple[Float64, Float64, Float64]:
-    """Return residuals (m,), bounds (m,) and derivatives (m, 1 + k) of the m compared pixels of n.
+) -> tuple[Float64, Float64, Float64, Float64]:
+    """Return residuals (m,), bounds (m,) and derivatives (m, 1 + k) and (m, 6) of the m compared pixels of n.
 
-    The derivatives are those by the parameter, then by the coefficients of the k directions of the noise (6, k).
+    The derivatives are those by the parameter, then by the coefficients of the k directions of the noise (6, k); and
+    those by the twist.
     """
     n, k = len(residuals), noise.shape[1]
-    kept, limits, columns = np.empty(n), np.empty(n), np.empty((n, 1 + k))
+    kept, limits, columns, twists = np.empty(n), np.empty(n), np.empty((n, 1 + k)), np.empty((n, 6))
     m = 0
     for i in range(n):
         if not (np.isfinite(residuals[i]) and np.isfinite(by_value[i])):
             continue
-        kept[m], limits[m], columns[m, 0] = residuals[i], bounds[i], by_value[i]
+        kept[m], limits[m], columns[m, 0], twists[m] = residuals[i], bounds[i], by_value[i], by_twist[i]
         for a in range(k):
             along = 0.0
             for axis in range(6):
                 along += by_twist[i, axis] * noise[axis, a]
             columns[m, 1 + a] = along
         m += 1
-    return kept[:m], limits[:m], columns[:m]
+    return kept[:m], limits[:m], columns[:m], twists[:m]

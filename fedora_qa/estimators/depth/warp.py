@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.depth.inverse_depth import SINGLE_PRECISION, DepthImage, inverse_at
+from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.lens import PINHOLE, CompiledLens, compiled, distort, distort_slopes, rays_of_pixels, undistort
 from fedora_qa.sequence.declared import Lens
@@ -138,6 +139,21 @@ class WarpedLattice:
     twist_derivatives: Float64
     number_derivatives: Float64
     compared: int
+
+    @property
+    def typical_bound(self) -> float:
+        """Median of the finite bounds."""
+        return median_of(self.bounds[np.isfinite(self.bounds)])
+
+    def allowing(self, twists: Float64) -> "WarpedLattice":
+        """Return the lattice with larger bounds: by the effects of independent errors of the motion.
+
+        Parameters
+        ----------
+        twists
+            (6, k) largest errors, one in each column (rad, then m).
+        """
+        return replace(self, bounds=self.bounds + np.abs(self.twist_derivatives @ twists).sum(axis=1))
 
 
 def lattice_stride(height: int, width: int, share: float) -> int:

@@ -60,12 +60,13 @@ FAULTS: dict[str, tuple[Callable[[Depths], Depths], str, float | None]] = {
 }
 
 
-def with_clock_offset(milliseconds: float) -> FlowWorld:
-    """The clean file with depth stamped too late."""
-    facts = clean().facts
+def with_clock_offset(milliseconds: float, world: FlowWorld | None = None) -> FlowWorld:
+    """The clean file, or another, with depth stamped too late."""
+    world = world or clean()
+    facts = world.facts
     times_ns = facts.clocks["depth"].times_ns + round(1e6 * milliseconds)
     clocks = {**facts.clocks, "depth": Clock(times_ns, None, facts.clocks["depth"].advancing)}
-    return replace(clean(), facts=replace(facts, clocks=clocks))
+    return replace(world, facts=replace(facts, clocks=clocks))
 
 
 @pytest.mark.parametrize(("change", "cause", "size"), FAULTS.values(), ids=FAULTS)
@@ -96,6 +97,20 @@ def test_late_timestamps_are_measured(milliseconds: float) -> None:
     assert hypothesis.cause == "time_offset"
     assert hypothesis.stream == "depth"
     assert hypothesis.magnitude == pytest.approx(milliseconds, rel=0.01)
+
+
+def test_a_motion_that_is_fitted_needs_no_allowance_for_interpolation() -> None:
+    """Between samples of noisy poses the limits are those at the samples, and what is left of the motion is within."""
+    at_samples, between = (
+        {one.name: one for one in judged(DepthConsistency(), world).result.measurements}
+        for world in (noisy(), with_clock_offset(3.0, noisy()))
+    )
+    for name in ("deviation", "worst_tile"):
+        limit, least = between[name].limit, at_samples[name].least_detectable
+        assert limit is not None
+        assert least is not None
+        assert limit < least
+        assert not between[name].exceeds_limit
 
 
 def test_frozen_frames_are_placed() -> None:

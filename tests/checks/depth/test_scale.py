@@ -1,12 +1,16 @@
 """The scale of depth is measured from the camera's path, and depths or positions are named."""
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from fedora_qa.catalogue import hypotheses_of
+from fedora_qa.checks.depth.parameters import PairParameter, pool
 from fedora_qa.checks.depth.scale import DepthScale
+from fedora_qa.sequence.stored_step import StoredStep
 from tests.support.depth_world import clean, first_hypothesis, value, with_depth
 from tests.support.flow_world import judged
 
@@ -38,3 +42,38 @@ def test_plausible_depths_leave_it_to_the_positions(factor: float) -> None:
     best = max(hypotheses_of(alarm, clean().facts), key=lambda hypothesis: hypothesis.support)
     assert (best.cause, best.stream) == ("unit_mm_m", "pose")
     assert best.magnitude == pytest.approx(factor, rel=2e-3)
+
+
+def test_pairs_that_scatter_excuse_a_deviation_only_where_the_noise_is_unknown() -> None:
+    """The error of the mean is that of declared noise, whatever the scatter; the scatter, if none is declared."""
+    values = (0.9, 1.3, 0.8, 1.4)
+    pairs = [PairParameter(k, k + 1, 100, value, 0.01, 0.0, 1.0, 0.5, True, 1.0) for k, value in enumerate(values)]
+    declared, undeclared = pool(pairs, known_noise=True), pool(pairs, known_noise=False)
+    assert declared is not None
+    assert undeclared is not None
+    assert declared.value == undeclared.value
+    assert declared.standard_error == pytest.approx(0.01 / 2, rel=0.05)
+    assert undeclared.standard_error == pytest.approx(np.std(values, ddof=1) / 2, rel=0.05)
+
+
+def test_shifted_depth_does_not_raise_the_limit() -> None:
+    """Depth that is shifted by 1 px moves each pair by another amount, and the limit of the mean stays as it was."""
+    moved = judged(DepthScale(), with_depth(lambda depth: np.roll(depth, 1, axis=2)))
+    limits = [judgement.result.measurements[0].limit for judgement in (judged(DepthScale(), clean()), moved)]
+    assert limits[0] is not None
+    assert limits[1] is not None
+    assert limits[1] < 2 * limits[0]
+
+
+@pytest.mark.parametrize("step_m", [1e-4, 1e-3])
+def test_rounded_positions_are_no_scale(step_m: float) -> None:
+    """The step in which positions are stored is an error of each pair: rounding to it is no alarm."""
+    world = clean().with_rows(path_pose_position=np.rint(clean().rows_by_key["path/pose/position"] / step_m) * step_m)
+    steps = {"path/pose/position": StoredStep(step_m)}
+    stepped = replace(world, facts=replace(world.facts, steps=steps))
+    exact, rounded = (judged(DepthScale(), file).result for file in (clean(), stepped))
+    assert rounded.outcome in {"passed", "not_observable"}
+    errors = [result.measurements[0].standard_error for result in (exact, rounded)]
+    assert errors[0] is not None
+    assert errors[1] is not None
+    assert errors[1] > 10 * errors[0]

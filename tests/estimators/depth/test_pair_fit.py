@@ -120,6 +120,36 @@ def test_wrong_motion_is_corrected_within_its_noise() -> None:
     assert np.isinf(fit.standard_error)
 
 
+def test_what_a_fit_of_the_motion_leaves_of_its_error() -> None:
+    """With a noise that hardly allows an error, a part of it is left, as stated; with an exact motion all of it."""
+    noise, error = 1e-7 * np.eye(6), np.array([2.0, -1.0, 1.0, 3.0, 2.0, -2.0]) * 1e-7
+    wrong = DepthModel(K, MOTION.corrected(error))
+    fit = fit_depth(lambda _: wrong, *frames(), noise, start=0.0, step=None)
+    assert fit is not None
+    left = fit.motion_left @ error
+    np.testing.assert_allclose(error + fit.twist, left, atol=0.02 * np.linalg.norm(left))
+    assert 0.01 < np.linalg.norm(left) / np.linalg.norm(error) < 0.9
+    exact = fit_depth(lambda _: wrong, *frames(), EXACT, start=0.0, step=None)
+    assert exact is not None
+    np.testing.assert_array_equal(exact.motion_left, np.eye(6))
+
+
+@pytest.mark.parametrize("number", ["scale", "ray"])
+def test_an_unknown_error_of_the_motion_moves_the_number_as_stated(number: ModelNumber) -> None:
+    """The derivative by the twist, against fits with a motion that errs in each direction."""
+    fits = []
+    for error in np.concatenate((np.zeros((1, 6)), 1e-8 * np.eye(6))):
+        wrong = DepthModel(K, MOTION.corrected(error))
+        start = getattr(wrong, number)
+        fit = fit_depth(
+            lambda value, wrong=wrong: replace(wrong, **{number: value}), *frames(), EXACT, start=start, step=number
+        )
+        assert fit is not None
+        fits.append(fit)
+    moved = np.array([fit.value - fits[0].value for fit in fits[1:]]) / 1e-8
+    np.testing.assert_allclose(fits[0].value_by_twist, moved, rtol=0.02, atol=0.02 * np.abs(moved).max())
+
+
 def test_scale_error_follows_from_the_noise_of_the_path() -> None:
     """Over many noisy paths, the reciprocal of the scale is normal about the truth with the stated error."""
     rng, sigma_m = np.random.default_rng(3), 5e-3
