@@ -4,6 +4,7 @@ from math import sqrt
 
 from fedora_qa.checks.declared_noise import MeasuredNoise
 from fedora_qa.checks.pose.continuity import PairedSteps, PoseJump, PoseTransform
+from fedora_qa.checks.pose.orientation import RoundedComponents
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import Hypothesis
@@ -16,9 +17,12 @@ from fedora_qa.views.sample_defects import LinearInterpolation
 
 
 def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the cause of quaternions that do not have unit length, or are not finite."""
+    """Return the cause of quaternions that were rounded, do not have unit length, or are not finite."""
     statistic = alarm.statistic
     if alarm.finding.code == "pose.orientation.length":
+        # Lengths that err by no more than the step of the components are wrong by that step.
+        if abs(statistic.value) <= only_feature(statistic.features, RoundedComponents).length_bound:
+            return (Hypothesis("quantised_values", "pose", support("pose.length_by_rounding")),)
         return (Hypothesis("quaternion_not_unit", "pose", support("pose.length"), statistic.value, "1"),)
     return (Hypothesis("nan_in_stream", "pose", support("pose.not_finite"), statistic.value, "samples"),)
 

@@ -1,13 +1,12 @@
 """The steps in which values are stored, and the error that rounding to them causes in derived quantities."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
 from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
+from fedora_qa.checks.material_rounding import MATERIAL, UNIFORM
 from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic
 from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.imu.rounding import mean_rounding_bound
@@ -18,23 +17,8 @@ from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.stored_step import StoredStep
 
-MATERIAL: Final[Mapping[str, tuple[float, str, str]]] = MappingProxyType(
-    {
-        "flow": (0.02, "px", "flow_geometry.endpoint.error"),
-        "path/depth": (0.001, "of the depth", "depth.scale.factor"),
-        "path/pose/position": (0.001, "m", "pose.continuity.position"),
-        "path/pose/orientation": (1.7e-4, "rad", "pose.noise.rotation"),
-        "path/imu/angular_velocity": (1e-3, "rad/s", "imu.rotation.bias"),
-        "path/imu/linear_acceleration": (0.01, "m/s^2", "imu.translation.bias"),
-    }
-)
-"""By dataset: the size from which an error of the derived quantity is material, its unit, and the code of that size."""
-
 _LARGE_FLOW_PX: Final = 20.0
 """A large mean flow, px: the error of a mantissa is stated there."""
-
-_UNIFORM: Final = float(np.sqrt(3.0))
-"""Largest error of uniform rounding over its standard deviation: ``(s / 2) / (s / sqrt(12))``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,9 +141,9 @@ def _derived_error(key: str, step: StoredStep, facts: Facts) -> float:
         return max(mean_rounding_bound(np.zeros(1), size, noise) for size in steps)
     if key == "path/depth":
         typical = step.typical or MM_PER_M
-        return float(step.error_bounds(typical)) / _UNIFORM / typical
+        return float(step.error_bounds(typical)) / UNIFORM / typical
     is_flow = _material_key(key) == "flow"
     bounds = [float(part.error_bounds(_LARGE_FLOW_PX if is_flow else part.typical)) for part in components]
-    length = float(np.linalg.norm(bounds)) / _UNIFORM
+    length = float(np.linalg.norm(bounds)) / UNIFORM
     # A quaternion holds half angles.
     return 2 * length if key.endswith("orientation") else length

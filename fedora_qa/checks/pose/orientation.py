@@ -2,16 +2,35 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from fedora_qa.checks.exact import count_of_faults
+from fedora_qa.checks.material_rounding import MATERIAL, UNIFORM
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.motion_samples import location_of, stored_resolution
+
+_LARGEST_ROUNDING: Final = UNIFORM / 2 * MATERIAL["path/pose/orientation"][0]
+"""Largest error of a length by a rounding that counts as noise (derivation in ``PoseOrientation``)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoundedComponents(Feature):
+    """The step of the components of quaternions.
+
+    Attributes
+    ----------
+    length_bound
+        Largest error of a length by rounding to it.
+    """
+
+    length_bound: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +79,14 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
     of half a unit, change the length by at most one unit; normalisation and the sum add three. The type is float32 if
     all values are float32 numbers. Where components were rounded to steps s_i, for example to six decimals, ``|s| / 2``
     is added: the error of each is at most half its step, and that of the length ``sum |q_i| s_i / (2 |q|)``, which is
-    at most ``|s| / 2`` (Cauchy and Schwarz).
+    at most ``|s| / 2`` (Cauchy and Schwarz). Rounding is noise only as long as it is no fault by itself
+    (``integrity.resolution``): the error of a rotation by it, ``|s| / sqrt(3)``, is at most 1.7e-4 rad. So at most
+    ``sqrt(3) / 2`` times this is added, whatever the step.
 
     Cannot detect
     -------------
-    Noise that was removed by a later normalisation. A wrong rotation of unit length (``imu.rotation``,
+    Rounding to a step that is not material: the limit of quaternions that are not rounded does not hold for it. Noise
+    that was removed by a later normalisation. A wrong rotation of unit length (``imu.rotation``,
     ``flow_geometry.endpoint``).
 
     Sources
@@ -104,6 +126,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
         worst = max(state, key=lambda norms: abs(norms.worst))
         step = facts.steps.get("path/pose/orientation", StoredStep())
         by_steps = float(np.linalg.norm([step.component(i).size for i in range(4)])) / 2
+        by_type = 4.0 * max(norms.resolution for norms in state)
         with_not_finite = [norms for norms in state if norms.not_finite]
         count = sum(norms.not_finite for norms in with_not_finite)
         return Observation(
@@ -115,10 +138,11 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
                     unit="1",
                     standard_error=0.0,
                     # Four units in the last place, and the step (derivations in the class docstring).
-                    model_error_bound=4.0 * max(norms.resolution for norms in state) + by_steps,
+                    model_error_bound=by_type + min(by_steps, _LARGEST_ROUNDING),
                     statement=f"A quaternion has the length {1 + worst.worst:.9g} (row {worst.worst_row}); expected 1.",
                     code="pose.orientation.length",
                     where=_row(facts, worst.worst_row),
+                    features=(RoundedComponents(by_type + by_steps),),
                 ),
                 count_of_faults(
                     "not_finite",

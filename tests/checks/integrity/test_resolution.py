@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.checks.integrity.resolution import MATERIAL, IntegrityResolution
+from fedora_qa.checks.integrity.resolution import IntegrityResolution
+from fedora_qa.checks.material_rounding import MATERIAL
 from fedora_qa.judgement.judge import judge
 from fedora_qa.judgement.materiality import Materiality, materiality_row
 from fedora_qa.sequence.declared import ImuModel

@@ -51,3 +51,13 @@ def test_orientations_that_are_no_numbers_are_counted(path: Path) -> None:
     assert rules(result) == ["finite"]
     assert result.findings[0].where.index_start == 40
     assert run_check(path, "pose.continuity").outcome == "passed"
+
+
+@pytest.mark.parametrize(("step", "outcome"), [(1e-5, "passed"), (4e-3, "failed")])
+def test_rounding_is_noise_unless_it_is_a_fault(path: Path, step: float, outcome: str) -> None:
+    """Lengths that err by a small step are correct; by a step that is material they are not, and it is the cause."""
+    q = np.rint(sample_motion().orientations_xyzw / step) * step
+    MotionFile().altered(orientations_xyzw=q).write(path)
+    assert run_check(path, "pose.orientation").outcome == outcome
+    if outcome == "failed":
+        assert "quantised_values" in {diagnosis.cause for diagnosis in diagnoses_of(path, "pose")}
