@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, fields
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import group_of
@@ -19,6 +20,7 @@ from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
 from fedora_qa.views.inertial_features import InertialConventionTrial, MotionKind
 from fedora_qa.views.motion_samples import (
     imu_model,
+    imu_roundings,
     inertial_noise,
     inertial_samples,
     join_imu,
@@ -29,6 +31,7 @@ from fedora_qa.views.motion_samples import (
     pose_model,
     why_unusable,
 )
+from fedora_qa.views.sample_defects import frozen_imu
 
 _FEWEST_POSES: Final = 16
 
@@ -97,6 +100,8 @@ class InertialStreams:
         Both streams in seconds from ``origin_ns``, and their noise, declared or measured, and rounding.
     poses, imu
         As stored, all finite.
+    frozen_imu
+        Indices of the IMU samples that repeat the one before.
     origin_ns
         First timestamp of the IMU, ns from the file's origin.
     fits, trials
@@ -107,6 +112,7 @@ class InertialStreams:
     noise: InertialNoise
     poses: PoseSamples
     imu: ImuSamples
+    frozen_imu: NDArray[np.intp]
     origin_ns: int
     fits: dict[MotionKind, InertialFit | None] = field(default_factory=dict, compare=False, repr=False)
     trials: dict[MotionKind, InertialConventionTrial | None] = field(default_factory=dict, compare=False, repr=False)
@@ -163,6 +169,7 @@ def streams_of(state: Sequence[WindowMotion], facts: Facts) -> InertialStreams |
             noise=inertial_noise(model, pose_model(facts, poses), imu, poses),
             poses=poses,
             imu=imu,
+            frozen_imu=frozen_imu(imu, imu_roundings(imu)),
             origin_ns=int(imu.times_ns[0]),
         )
         cache.streams, cache.facts = streams, facts

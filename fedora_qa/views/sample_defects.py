@@ -21,7 +21,7 @@ from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.sequence.window import ImuSamples, PoseSamples
-from fedora_qa.views.motion_samples import imu_roundings, measured_pose_sigmas, stored_resolution
+from fedora_qa.views.motion_samples import measured_pose_sigmas, stored_resolution
 
 LEAST_EVENNESS: Final = 0.2
 """Least evenness of a sampled motion: the curvature of a smooth motion does not change fivefold within a step, nor does
@@ -188,22 +188,25 @@ def frozen_poses(poses: PoseSamples) -> NDArray[np.intp]:
     return repeated_samples(*samples, roundings=[stored_resolution(values) for values in samples])
 
 
-def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
-    """Return the indices (n,) of IMU samples that repeat the one before while others change."""
-    if len(imu.times_ns) < 2:
-        return np.empty(0, dtype=np.intp)
-    return repeated_samples(
-        imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2, roundings=imu_roundings(imu)
-    )
+def frozen_imu(imu: ImuSamples, roundings: tuple[float, float]) -> NDArray[np.intp]:
+    """Return the indices (n,) of IMU samples that repeat the one before while others change.
+
+    Parameters
+    ----------
+    imu
+        All finite samples of the file.
+    roundings
+        Units of rounding of angular velocities, rad/s, and specific forces, m/s^2 (``imu_roundings``).
+    """
+    return repeated_samples(imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2, roundings=roundings)
 
 
-def held_imu(imu: ImuSamples) -> tuple[Feature, ...]:
+def held_imu(imu: ImuSamples, frozen: NDArray[np.intp]) -> tuple[Feature, ...]:
     """Return the repeats of an IMU most of whose samples equal the one before, as those of a lower rate that are held.
 
     Held samples are late by half of the time for which they are held, which is no offset of the clock.
     """
-    count = len(frozen_imu(imu))
-    return (RepeatedSamples("imu", count),) if 2 * count > len(imu.times_ns) else ()
+    return (RepeatedSamples("imu", len(frozen)),) if 2 * len(frozen) > len(imu.times_ns) else ()
 
 
 def lone_poses(poses: PoseSamples) -> LoneSamples | None:

@@ -26,7 +26,7 @@ from fedora_qa.views.inertial_agreement import (
 )
 from fedora_qa.views.inertial_features import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 from fedora_qa.views.motion_samples import location_of, pose_model
-from fedora_qa.views.sample_defects import frozen_imu, frozen_poses, held_imu, pose_defects, timestamp_defects
+from fedora_qa.views.sample_defects import frozen_poses, held_imu, pose_defects, timestamp_defects
 
 _DEGREES: Final = float(np.degrees(1.0))
 
@@ -185,7 +185,7 @@ def agreement_observation(
     defects: tuple[Feature, ...] = (
         *((trial,) if trial else ()),
         *timestamp_defects(facts, "imu"),
-        *held_imu(streams.imu),
+        *held_imu(streams.imu, streams.frozen_imu),
         *pose_defects(facts, streams.poses, pose_model(facts, streams.poses)),
     )
     if part := fit.partial_bias:
@@ -216,7 +216,7 @@ def agreement_observation(
     # Streams of which samples within two steps of the poses repeat the one before.
     imu, poses = streams.imu, streams.poses
     reach_ns = 2 * int(np.median(np.diff(poses.times_ns)))
-    frozen = (("imu", imu.times_ns, frozen_imu(imu)), ("pose", poses.times_ns, frozen_poses(poses)))
+    frozen = (("imu", imu.times_ns, streams.frozen_imu), ("pose", poses.times_ns, frozen_poses(poses)))
     repeats = tuple(
         RepeatsNearby(stream, len(rows))
         for stream, times_ns, rows in frozen

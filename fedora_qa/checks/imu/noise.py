@@ -73,7 +73,8 @@ class ImuNoise(WindowCheck[ImuSamples]):
         unusable = why_unusable(facts, "imu")
         if unusable or gyro is None or accel is None:
             return Observation(coverage, unobservable=unusable or "too few consecutive samples to measure noise")
-        frozen = frozen_imu(imu)
+        roundings = imu_roundings(imu)
+        frozen = frozen_imu(imu, roundings)
         repeats = count_of_faults(
             "frozen",
             len(frozen),
@@ -90,7 +91,7 @@ class ImuNoise(WindowCheck[ImuSamples]):
             return Observation(coverage, (repeats,), (notice,), inferred=inferred)
         # White noise of density N sampled at rate f has sigma = N sqrt(f) (IEEE Std 952-1997, annex C).
         root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
-        gyro_rounding, accel_rounding = imu_roundings(imu)
+        gyro_rounding, accel_rounding = roundings
         gyro_sigma, accel_sigma = root_rate * model.gyro_noise_density, root_rate * model.accel_noise_density
         gyro_floor, accel_floor = (
             _floor(imu.times_ns, rates, gyro_rounding),

@@ -96,7 +96,7 @@ class ImuTiming(WindowCheck[WindowMotion]):
             reason = "IMU and pose cannot be compared: see imu.rotation, imu.translation"
             return Observation(coverage, unobservable=reason)
         of_timestamps = timestamp_defects(facts, "imu", "pose")
-        defects = (*of_timestamps, *held_imu(streams.imu), *_offsets_apart(fits))
+        defects = (*of_timestamps, *held_imu(streams.imu, streams.frozen_imu), *_offsets_apart(fits))
         statistics: list[Statistic] = []
         for name in TIMING_TEXTS:
             fitted = {kind: fit.parameters[name] for kind, fit in fits.items()}

@@ -81,11 +81,16 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvent
         q = _under_convention(samples.orientations_xyzw[edges], quaternions)
         # Mean angular velocity in the body between two poses: Log(q_k^-1 q_k+1) / dt.
         by_pose = so3.log_quaternion(so3.compose(so3.inverse(q[:-1]), q[1:])) / spans_s
-        for axes, unit in product(signed_permutations(), (1.0, _DEGREES, 1.0 / _DEGREES)):
-            residual = _normalised_residual(by_gyro / unit - by_pose @ np.array(axes).T, by_pose, noise)
-            candidates.append(
-                InertialConvention(quaternions, sensor_axes=axes, rate_unit=unit, residual=residual, count=len(by_pose))
-            )
+        variance = _expected_variance(by_pose, noise)
+        for axes in signed_permutations():
+            turned = by_pose @ np.array(axes).T
+            for unit in (1.0, _DEGREES, 1.0 / _DEGREES):
+                residual = _mean_square(by_gyro / unit - turned) / variance
+                candidates.append(
+                    InertialConvention(
+                        quaternions, sensor_axes=axes, rate_unit=unit, residual=residual, count=len(by_pose)
+                    )
+                )
     return _simplest(candidates)
 
 
@@ -141,17 +146,20 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
         if np.count_nonzero(finite) < 2:
             continue
         turned, compared = turned[finite], by_position[finite]
+        # An exchange of axes alters no mean square.
+        variances = {unit: _expected_variance(compared / unit, noise / unit**2) for unit in (1.0, _MILLIMETRES)}
         for sensor, world in exchanges:
             by_force = np.einsum("nijk,kj->ni", turned, np.array(sensor))
-            for unit, (gravity, factor) in product((1.0, _MILLIMETRES), _GRAVITY_FACTORS.items()):
-                acceleration = compared @ np.array(world) / unit
-                # p'' = R f + g, with g as the candidate has it.
-                residual = _normalised_residual(acceleration - by_force - factor * down, acceleration, noise / unit**2)
-                candidates.append(
-                    InertialConvention(
-                        quaternions, sensor, world, 1.0, unit, gravity, residual, count=len(acceleration)
+            for unit, variance in variances.items():
+                difference = compared @ np.array(world) / unit - by_force
+                for gravity, factor in _GRAVITY_FACTORS.items():
+                    # p'' = R f + g, with g as the candidate has it.
+                    residual = _mean_square(difference - factor * down) / variance
+                    candidates.append(
+                        InertialConvention(
+                            quaternions, sensor, world, 1.0, unit, gravity, residual, count=len(compared)
+                        )
                     )
-                )
     return _simplest(candidates)
 
 
@@ -167,15 +175,19 @@ def signed_permutations() -> list[tuple[tuple[int, ...], ...]]:
 
 def _averaging_span_s(spans_s: tuple[float, ...], noises: Float64, motion: Float64) -> float:
     """Return the shortest span, s, at which noise is small against the motion, else the longest."""
-    size = float(np.sqrt(np.mean(np.square(motion)))) if motion.size else 0.0
+    size = float(np.sqrt(_mean_square(motion))) if motion.size else 0.0
     quiet = (span_s for span_s, noise in zip(spans_s, noises, strict=True) if noise <= _SMALL_NOISE * size)
     return next(quiet, spans_s[-1])
 
 
-def _normalised_residual(residuals: Float64, motion: Float64, noise: float) -> float:
-    """Return the mean square residual over the variance expected of noise and of the coarseness of the comparison."""
-    coarse = _COARSENESS**2 * float(np.mean(np.square(motion)))
-    return float(np.mean(np.square(residuals))) / max(noise + coarse, 1e-30)
+def _expected_variance(motion: Float64, noise: float) -> float:
+    """Return the mean square residual that noise and the coarseness of the comparison lead one to expect."""
+    return max(noise + _COARSENESS**2 * _mean_square(motion), 1e-30)
+
+
+def _mean_square(values: Float64) -> float:
+    """Return the mean square of values, at least one; a thousand candidates make it worth its own sum."""
+    return float(np.vdot(values, values)) / values.size
 
 
 def _edges(samples: InertialSamples, span_s: float) -> NDArray[np.intp]:
