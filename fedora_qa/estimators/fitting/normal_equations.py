@@ -117,10 +117,11 @@ def inverse_of(normal: Float64) -> Float64:
         (P, P).
     """
     # D^-1 V diag(1 / lambda) V^T D^-1, with D^2 the diagonal and V, lambda the eigenvectors of D^-1 N D^-1.
-    scale = np.sqrt(np.diag(normal))
-    information, directions = np.linalg.eigh(normal / np.outer(scale, scale))
+    scale = np.sqrt(np.diagonal(normal))
+    scales = scale[:, None] * scale
+    information, directions = np.linalg.eigh(normal / scales)
     bounded = np.maximum(information, _LEAST_INFORMATION * information[-1])
-    inverse: Float64 = (directions / bounded) @ directions.T / np.outer(scale, scale)
+    inverse: Float64 = (directions / bounded) @ directions.T / scales
     return inverse
 
 
