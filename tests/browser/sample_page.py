@@ -26,17 +26,17 @@ WORTH: Final = PassDetectionPower(
 )
 
 
-def sample_record() -> Record:
-    """Checks of every outcome; forty findings over two seconds, F1 and F2 of them those of ``failed``."""
+def sample_record(findings: int = FINDINGS) -> Record:
+    """Checks of every outcome; many findings over two seconds, F1 and F2 of them those of ``failed``."""
     many = tuple(
         Finding(
             id=f"F{k}",
             code="event_response.timing.offset",
-            severity="critical" if k == 30 else "error",
+            severity="critical" if k == findings - 10 else "error",
             message=f"Finding number {k} {HOSTILE if k == 9 else 'is late'}.",
             where=Where(STREAMS[k % 4], 2e6 * ((7 * k) % FINDINGS) / FINDINGS),
         )
-        for k in range(3, FINDINGS + 1)
+        for k in range(3, findings + 1)
     )
     timing = replace(failed(), findings=(*failed().findings, *many))
     near = Measurement("rate_change", 0.9, "ppm", 0.1, 0.0, 1.0, 1.6)
@@ -60,11 +60,11 @@ def sample_world() -> dict[str, NDArray[Any]]:
     return point_cloud() | frusta(np.array([9.0, 0.0, 0.0])) | {"point_cloud/origin_world_m": np.zeros(3)}
 
 
-def write_sample(target: Path, *, with_world: bool = True) -> Path:
+def write_sample(target: Path, *, with_world: bool = True, findings: int = FINDINGS) -> Path:
     """Write the report, without a picture in space, which would need OpenGL; perhaps with points of the world."""
     arrays = sample_arrays() | (sample_world() if with_world else {})
     with pytest.MonkeyPatch.context() as patch:
         nothing = trajectory.TrajectoryPicture(b"", "", "")
         patch.setattr(trajectory, "render_trajectory", lambda *_: nothing)
-        target.write_text(render_html(sample_record(), arrays, WORTH), encoding="utf-8")
+        target.write_text(render_html(sample_record(findings), arrays, WORTH), encoding="utf-8")
     return target

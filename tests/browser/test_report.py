@@ -40,15 +40,15 @@ def browser(chromium: Path) -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="module", params=["clean", "failing"])
-def report(request: pytest.FixtureRequest, park_day: Path, shared_files: SharedFiles) -> Report:
-    """The report of a clean second, and of one whose events are late, each made once a run."""
+def report(request: pytest.FixtureRequest, small_park_day: Path, shared_files: SharedFiles) -> Report:
+    """The report of a small clean file, and of one whose events are late, each made once a run."""
     kind, verdict = request.param, {"clean": "clean", "failing": "findings"}[request.param]
 
     def write(page: Path) -> None:
-        sequence = park_day
+        sequence = small_park_day
         if kind == "failing":
             sequence = page.with_name("late-events.h5")
-            plant_fault(park_day, sequence, "time_offset", "events", 5.0, "ms")
+            plant_fault(small_park_day, sequence, "time_offset", "events", 5.0, "ms")
         code = run(["check", str(sequence), "--html", str(page)])
         page.with_name(f"{kind}-exit-code").write_text(str(code))
 
@@ -92,13 +92,13 @@ def test_report_without_scripts(browser: Browser, report: Report, width: int) ->
 
 
 def test_report_where_opengl_is_missing(
-    browser: Browser, park_day: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    browser: Browser, small_park_day: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The path is drawn another way, the page says why and what to install, and all else is as it was."""
     for name, value in without_opengl(tmp_path).items():
         monkeypatch.setenv(name, value)
     page = tmp_path / "report.html"
-    assert run(["check", str(park_day), "--select", "clocks", "--html", str(page)]) in {0, 3}
+    assert run(["check", str(small_park_day), "--select", "clocks", "--html", str(page)]) in {0, 3}
     monkeypatch.undo()
     shown = visit(browser, page, width=390, scheme="light")
     assert shown.complaints == []
