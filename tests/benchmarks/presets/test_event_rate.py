@@ -18,6 +18,9 @@ from tests.benchmarks.presets.windows import image_motion_rad_s, spread_windows
 
 WINDOW_S = 0.75
 
+COARSE_STEP_US = 5000
+"""Between images of small frames, where counts are compared that are made in the same steps."""
+
 
 def world_of(scene: Scene) -> ExactWorld:
     assert scene.world is not None
@@ -47,7 +50,7 @@ def test_strips_are_spread_over_the_image() -> None:
 
 def test_a_window_counts_the_events_of_the_file(tmp_path: Path) -> None:
     """The whole sensor from the start of the sequence on: the same events, brighter and darker, as are written."""
-    scene = load_scene("racetrack-ngt").with_size(90, 68).starting_at(20.0)
+    scene = replace(load_scene("racetrack-ngt").with_size(90, 68), event_step_us=COARSE_STEP_US).starting_at(20.0)
     generate_sequence(scene, tmp_path / "a.h5", Request(duration_s=0.2, streams=frozenset({"events"})))
     with h5py.File(tmp_path / "a.h5") as file:
         t_us, p = file["path/events/t"][:], file["path/events/p"][:]
@@ -93,7 +96,7 @@ def test_windows_are_where_the_image_moves() -> None:
 def test_the_rate_follows_the_light() -> None:
     """Half the light, half the differences of grey: by day and by night far fewer events."""
     for name in ("baylands-day2", "racetrack-ngt"):
-        scene = load_scene(name).with_size(72, 54)
+        scene = replace(load_scene(name).with_size(72, 54), event_step_us=COARSE_STEP_US)
         light = scene.light
         dimmed = replace(light, **{key: 0.5 * getattr(light, key) for key in ("ambient", "sun_strength", "lamp_scale")})
         bright, dark = (
