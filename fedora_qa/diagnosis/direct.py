@@ -27,7 +27,7 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "frozen_frames": ("images.repeats", "pose.continuity", "imu.noise"),
         "swapped_frames": ("images.order",),
         "exposure_or_gamma": ("images.exposure", "images.transfer"),
-        "vignetting": ("images.vignetting",),
+        "vignetting": ("images.vignetting", "images.exposure"),
         "channel_order": ("images.channels",),
         "invalid_encoding": ("integrity.finite",),
         "truncated": ("clocks.span", "integrity.readable"),
@@ -59,6 +59,11 @@ _LOCAL_RULES: Final = frozenset(
         "worst_pixel",
         "part",
         "backward_steps",
+        # Counts of single steps and intervals, and a rate that changes: what the others are is in order.
+        "jump",
+        "change",
+        "off_frames",
+        "not_abutting",
     }
 )
 

@@ -7,7 +7,7 @@ from fedora_qa.checks.images.exposure import BrightnessJump, CodesMultiplied
 from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
 from fedora_qa.checks.images.vignetting import CornerLoss
 from fedora_qa.diagnosis.features import only_feature
-from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -81,6 +81,8 @@ def hypotheses_of_order(intervals: OutOfOrderIntervals) -> tuple[Hypothesis, ...
         Hypothesis("dropped_samples", "rgb", rival),
         Hypothesis("duplicated_samples", "rgb", rival),
         *(Hypothesis(cause, "flow", rival) for cause in _FLOW_RIVALS_OF_ORDER),
+        # The check compares frames by the flow: whatever else is wrong with it for a while puts them off as well.
+        Hypothesis(ANY_CAUSE, "flow", rival),
         Hypothesis("other_sequence", "rgb", rival),
     )
 
@@ -96,6 +98,13 @@ def propose_exposure(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         case "images.exposure.jump":
             jump = only_feature(alarm.statistic.features, BrightnessJump)
             size = jump.percent, "percent", jump.standard_error_percent
+            if jump.corner_percent is not None:
+                # Darker corners are a loss, of either sign: the jump may be the begin of it or the end.
+                loss_percent = abs(jump.corner_percent)
+                return (
+                    Hypothesis("vignetting", "rgb", support("images.corner_vignetting"), loss_percent, "percent"),
+                    Hypothesis("exposure_or_gamma", "rgb", support("images.corner_jump_exposure"), *size),
+                )
             return (
                 Hypothesis("exposure_or_gamma", "rgb", support("images.jump_exposure"), *size),
                 Hypothesis("channel_order", "rgb", support("images.jump_channel_order")),

@@ -10,9 +10,10 @@ import numpy as np
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
-from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.centre_conventions import convention_offsets_px
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_vector, measured, rgb_px_per_event_px, vector
+from fedora_qa.estimators.clocks.regular_clock import DisplacedSegment, displaced_part
 from fedora_qa.faults import (
     axes,
     cameras,
@@ -121,7 +122,17 @@ def is_length_unit(factor: float) -> bool:
     return any(abs(factor / ratio - 1) <= _UNIT_TOLERANCE for ratio in ratios)
 
 
+def _displaced_part(fit: FittedCause) -> DisplacedSegment | None:
+    """Return the part of an otherwise exact clock whose timestamps were displaced; None without one."""
+    clock = fit.facts.clocks.get(fit.stream)
+    return None if clock is None else displaced_part(clock.times_ns, resolution_ns=NS_PER_US)
+
+
 def _clock_shift(fit: FittedCause) -> Faults:
+    part = _displaced_part(fit)
+    if part is not None and not part.drift:
+        # An offset of the whole clock would displace the timestamps that are correct.
+        yield clocks.ClockShift(fit.stream, part.offset_ns, (part.first, part.last + 1))
     offset_ns = fit.size * NS_PER_MS
     yield clocks.ClockShift(fit.stream, offset_ns)
     features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
@@ -134,6 +145,14 @@ def _clock_shift(fit: FittedCause) -> Faults:
 
 
 def _clock_rate(fit: FittedCause) -> Faults:
+    part = _displaced_part(fit)
+    if part is not None and part.drift:
+        times_ns = fit.facts.clocks[fit.stream].times_ns
+        # The clock leaves its line before rounding shows it: where the line through the offsets of the part is 0.
+        beginning_ns = times_ns[(part.first + part.last) // 2] - part.offset_ns / part.drift
+        start_ns = round(float(np.clip(beginning_ns, times_ns[0], times_ns[part.first])))
+        rows = int(np.searchsorted(times_ns[: part.first], start_ns)), part.last + 1
+        yield clocks.ClockRate(fit.stream, 1e6 * part.drift, start_ns, rows)
     clock = fit.facts.clocks.get(fit.stream)
     first_ns = last_ns = 0
     if fit.stream == "events" and fit.facts.events is not None:

@@ -1,16 +1,17 @@
 """Measurements that contradict a cause: what a check measured and found in order is not the fault."""
 
 from collections.abc import Mapping
-from math import hypot
+from math import hypot, sqrt
 from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.diagnosis.coincidence import ClockPlace
 from fedora_qa.diagnosis.measured_sizes import Results, measured
-from fedora_qa.record.types import Result
+from fedora_qa.record.types import Measurement, Result
 
 _EVENTS, _INERTIAL = "event_response.timing", "imu.timing"
+_TELEPORT: Final = ("teleport", "pose")
 
 _MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
     {
@@ -22,7 +23,7 @@ _MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
         ("clock_rate", "rgb"): (_EVENTS, "clock_rate"),
         ("clock_rate", "imu"): (_INERTIAL, "clock_rate"),
         ("clock_rate", "pose"): (_INERTIAL, "pose_clock_rate"),
-        ("teleport", "pose"): ("pose.continuity", "position_jump"),
+        _TELEPORT: ("pose.continuity", "position_jump"),
     }
 )
 """Check and measurement of the size of a cause, in its unit, by cause and stream."""
@@ -42,7 +43,8 @@ _IN_ORDER: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
         ("exposure_or_gamma", "rgb"): ("images.exposure", "images.transfer", "event_response.threshold"),
         ("threshold_misdeclared", "events"): ("event_response.threshold",),
         ("event_model_misdeclared", "events"): ("event_response.model",),
-        ("vignetting", "rgb"): ("images.vignetting",),
+        # Vignetting of a part of the file is a jump where it begins.
+        ("vignetting", "rgb"): ("images.vignetting", "images.exposure"),
         # Repeats are counted bit by bit, and straight lines leave no curvature.
         ("frozen_frames", "pose"): ("pose.continuity",),
         ("interpolated_pose", "pose"): ("pose.continuity",),
@@ -105,9 +107,21 @@ def contradicts(
         measurement = measured(result, name)
         if measurement is None or measurement.limit is None or not _passed(result):
             return False
+        if (cause, family) == _TELEPORT:
+            return abs(magnitude) > _largest_jump_that_passes(measurement)
         # A fault larger than the limit would have exceeded it.
         return abs(magnitude) > measurement.limit
     return False
+
+
+def _largest_jump_that_passes(measurement: Measurement) -> float:
+    """Return the length of the largest jump that may not exceed a limit of its components.
+
+    The limit is that of the place of the largest deviation. A jump may lie where the motion hides it best, and have
+    equal components along all three axes.
+    """
+    limits = (measurement.limit, measurement.least_detectable, *(measurement.least_detectable_range or ()))
+    return sqrt(3.0) * max(limit for limit in limits if limit is not None)
 
 
 def _frames_contradict(cause: str, stream: str, magnitude: float, result: Result | None) -> bool:

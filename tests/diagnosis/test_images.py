@@ -5,7 +5,7 @@ import pytest
 from fedora_qa.checks.images.channels import NearestChannelOrder
 from fedora_qa.checks.images.exposure import BrightnessJump, CodesMultiplied
 from fedora_qa.checks.images.order import OutOfOrderIntervals
-from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.views.transfer_codes import CodesBent
 from tests.support.proposals import named, proposed
 
@@ -63,7 +63,7 @@ def test_wrong_flow_may_put_frames_out_of_order() -> None:
     of_flow = {hypothesis.cause: hypothesis.support for hypothesis in hypotheses if hypothesis.stream == "flow"}
     assert set(of_flow) == {
         "swapped_frames", "frozen_frames", "flow_interval_shifted", "flow_gain", "flow_sign", "flow_unit",
-        "other_sequence",
+        "other_sequence", ANY_CAUSE,
     }  # fmt: skip
     assert set(of_flow.values()) == {0.3}
 
@@ -83,6 +83,15 @@ def test_a_jump_of_brightness_has_its_size() -> None:
         Hypothesis("channel_order", "rgb", 0.6),
     )
     assert named(hypotheses[2:]) == [("other_sequence", "rgb"), ("swapped_frames", "rgb"), ("frozen_frames", "rgb")]
+
+
+def test_a_jump_that_grows_towards_the_corners_is_vignetting() -> None:
+    """Its size is the loss in the corners, whether vignetting begins or ends; an even gain is left with 0.3."""
+    for corner_percent in (-8.0, 8.0):
+        assert proposed("images.exposure.jump", BrightnessJump(-2.5, 0.5, corner_percent)) == (
+            Hypothesis("vignetting", "rgb", 0.95, 8.0, "percent"),
+            Hypothesis("exposure_or_gamma", "rgb", 0.3, -2.5, "percent", 0.5),
+        )
 
 
 def test_multiplied_codes_are_a_gain() -> None:

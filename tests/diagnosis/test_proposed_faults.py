@@ -12,10 +12,12 @@ from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.centre_conventions import hypotheses_of_conventions
 from fedora_qa.diagnosis.proposed_faults import faults_for, is_length_unit, is_testable
 from fedora_qa.faults.cameras import FocalLength, MountingRotation, PrincipalPointShift
+from fedora_qa.faults.clocks import ClockRate, ClockShift
 from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.table import faults_of
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
+from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.record.types import Finding, Measurement, Result, Where
 from fedora_qa.views.flow_parameter_fit import FlowParameterFit
 from tests.support.memory_sequence import facts_of, memory_sequence
@@ -150,6 +152,38 @@ def test_an_offset_from_frames_is_known_up_to_their_step(offset_ms: float, other
     for alarms, sizes_ms in (((from_frames,), [offset_ms, other_ms]), ((), [offset_ms])):
         faults = faults_for("time_offset", "depth", offset_ms, alarms, {}, facts)
         assert [fault.magnitude for fault in faults] == pytest.approx(sizes_ms)
+
+
+@pytest.mark.parametrize("stream", ["imu", "pose", "depth"])
+def test_an_offset_of_a_part_of_a_clock_is_undone_there_first(stream: str) -> None:
+    """The rows that left the line of the clock have the median of their offsets; the whole clock comes second."""
+    facts = facts_of(memory_sequence())
+    clock = facts.clocks[stream]
+    times_ns = clock.times_ns.copy()
+    first, stop = len(times_ns) // 3, len(times_ns) // 2 + 1
+    times_ns[first:stop] += 70_000
+    moved = replace(facts, clocks={**facts.clocks, stream: replace(clock, times_ns=times_ns)})
+    local, whole = faults_for("time_offset", stream, 0.05, (), {}, moved)
+    assert (local, whole) == (ClockShift(stream, 70_000.0, (first, stop)), ClockShift(stream, 50_000.0))
+    assert list(faults_for("time_offset", stream, 0.05, (), {}, facts)) == [whole]
+
+
+def test_a_rate_of_a_part_of_a_clock_is_undone_there_first() -> None:
+    """A part of the IMU that runs 1000 ppm fast is slowed from its first rows on: all lie on the clock's line again."""
+    facts = facts_of(memory_sequence())
+    clock = facts.clocks["imu"]
+    times_ns, rows = clock.times_ns.copy(), slice(20, len(clock.times_ns) // 2)
+    times_ns[rows] += np.rint(1e-6 * (times_ns[rows] - times_ns[rows.start])).astype(np.int64) * 1000
+    moved = replace(facts, clocks={**facts.clocks, "imu": replace(clock, times_ns=times_ns)})
+    local, *whole = faults_for("clock_rate", "imu", 300.0, (), {}, moved)
+    assert isinstance(local, ClockRate)
+    assert local.rate_error_ppm == pytest.approx(1000.0, rel=0.1)
+    assert local.rows is not None
+    assert (local.rows[0], local.rows[1]) == (pytest.approx(rows.start, abs=2), rows.stop)
+    undo = local.undo(moved, memory_sequence()).rows[timestamps_of("imu")]
+    undone_ns = undo(lambda start, stop: times_ns[start:stop], 0, len(times_ns))
+    np.testing.assert_allclose(undone_ns, clock.times_ns, rtol=0, atol=1500)
+    assert len(whole) == len(list(faults_for("clock_rate", "imu", 300.0, (), {}, facts)))
 
 
 def test_units_of_length() -> None:

@@ -306,14 +306,15 @@ def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampP
     drift = ("drift", 1e6 * slope, detrended_ns - np.median(detrended_ns))
     # A grid of the instants explains offsets of up to half of it.
     grid_ns = int(np.gcd.reduce(instant_steps_ns)) if len(instant_steps_ns) >= _FEWEST_ON_A_GRID - 1 else 0
-    # A grid of up to two roundings is the unit of the timestamps and explains nothing.
-    beyond_ns = np.maximum(np.abs(offsets_ns) - grid_ns / 2, 0.0) if grid_ns > 2 * _ROUNDING_NS else offsets_ns
-    grid = ("grid", grid_ns / NS_PER_MS, beyond_ns)
+    # A grid of up to two roundings is the unit of the timestamps. Instants whole frame steps apart keep the distances
+    # of their frames, which no rounding has moved against each other. Neither explains anything.
+    explains = grid_ns > 2 * _ROUNDING_NS and not (np.isfinite(step_ns) and _is_multiple(grid_ns, step_ns))
+    grid = ("grid", grid_ns / NS_PER_MS, np.maximum(np.abs(offsets_ns) - grid_ns / 2, 0.0))
 
     rms_ns = _rms(offsets_ns)
     patterns = []
     # A drift of 0 is that of a constant offset.
-    for name, magnitude, residual_ns in (constant, *((drift,) if slope else ()), grid):
+    for name, magnitude, residual_ns in (constant, *((drift,) if slope else ()), *((grid,) if explains else ())):
         remaining_ns = np.abs(residual_ns)
         # Offsets are known modulo the frame step: what remains is the distance to its nearest multiple.
         if np.isfinite(step_ns):
@@ -346,6 +347,11 @@ def offsets_from_nearest(frames_ns: Int64, instants_ns: Int64) -> Float64:
     offsets = (instants_ns - neighbours_ns).astype(np.float64)
     nearest: Float64 = np.where(np.abs(offsets[0]) <= np.abs(offsets[1]), offsets[0], offsets[1])
     return nearest
+
+
+def _is_multiple(grid_ns: int, step_ns: float) -> bool:
+    """Whether a grid is a whole number of frame steps, which are known to a rounding."""
+    return abs(grid_ns - round(grid_ns / step_ns) * step_ns) <= _ROUNDING_NS
 
 
 def _rms(values_ns: Float64) -> float:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, expm1
+from math import ceil, expm1, log
 from typing import Final
 
 import numpy as np
@@ -36,6 +36,10 @@ _SAMPLED_EVERY_PX: Final = 4
 MISREGISTRATION_PERCENT: Final = 0.2
 """Bias of the brightness of equal points, in percent, by errors of the flow of less than a pixel."""
 
+_CORNER_EVIDENCE: Final = log(1e3)
+"""Natural logarithm of the likelihood ratio from which a jump is one of vignetting: an even jump is taken for one with
+a probability of a thousandth at most (Markov's inequality)."""
+
 
 @dataclass(frozen=True, slots=True)
 class FramePairGain:
@@ -49,12 +53,16 @@ class FramePairGain:
         ln of the later brightness over the earlier one.
     standard_error
         Of ``log_gain``.
+    corner_log_gain, corner_evidence
+        As of ``BrightnessGain``.
     """
 
     before: int
     after: int
     log_gain: float
     standard_error: float
+    corner_log_gain: float = 0.0
+    corner_evidence: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +98,14 @@ class BrightnessJump(Feature):
         Its size, positive where the later frame is brighter.
     standard_error_percent
         Of the size.
+    corner_percent
+        The step in the corners where it grows with the squared distance from the middle, as vignetting that begins or
+        ends has it; None where an even step is as likely.
     """
 
     percent: float
     standard_error_percent: float
+    corner_percent: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +174,16 @@ class ImagesExposure(WindowCheck[WindowExposure]):
         for pair in pairs_with_flow(window) if flow_rate_of(window) else neighbours(window):
             gain = brightness_gain(*same_points(window, pair))
             if gain is not None:
-                gains.append(FramePairGain(pair.before, pair.after, gain.log_gain, gain.standard_error))
+                gains.append(
+                    FramePairGain(
+                        pair.before,
+                        pair.after,
+                        gain.log_gain,
+                        gain.standard_error,
+                        gain.corner_log_gain,
+                        gain.corner_evidence,
+                    )
+                )
         blank, clipped, codes = [], [], np.zeros(CODES, dtype=np.int64)
         for frame in window.owned("rgb"):
             rgb = window.rgb(frame)
@@ -207,6 +228,10 @@ class ImagesExposure(WindowCheck[WindowExposure]):
             first = int(np.flatnonzero(np.abs(np.abs(jumps) - size) < tolerance)[0])
             frame, percent = gains[first].after, 100 * expm1(float(jumps[first]))
             error = 100 * float(errors[worst])
+            # Where the jump is: of neighbouring pairs without one, neither model is of interest.
+            at_jump = gains[worst]
+            is_of_corners = at_jump.corner_evidence > _CORNER_EVIDENCE
+            corner_percent = 100 * expm1(at_jump.corner_log_gain) if is_of_corners else None
             measurements.append(
                 Statistic(
                     name="largest_jump",
@@ -221,7 +246,7 @@ class ImagesExposure(WindowCheck[WindowExposure]):
                     f"{'brighter' if percent > 0 else 'darker'} than frame {gains[first].before} at the same points.",
                     code="images.exposure.jump",
                     where=_where(frame, frame + 1, facts),
-                    features=(BrightnessJump(percent, error),),
+                    features=(BrightnessJump(percent, error, corner_percent),),
                 )
             )
         # Without enough frequent codes a gain after rounding cannot be detected: the count is then not stated.

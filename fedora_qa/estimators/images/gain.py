@@ -83,10 +83,17 @@ class BrightnessGain:
         Natural logarithm of later over earlier brightness.
     standard_error
         Of the logarithm, from the spread over tiles.
+    corner_log_gain
+        The logarithm in the corners, where it grows with the squared distance from the middle of the image: the factor
+        by which vignetting begins or ends.
+    corner_evidence
+        Natural logarithm of the likelihood of such a gain over that of an even one; positive for vignetting.
     """
 
     log_gain: float
     standard_error: float
+    corner_log_gain: float = 0.0
+    corner_evidence: float = 0.0
 
 
 def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floating]) -> BrightnessGain | None:
@@ -113,7 +120,32 @@ def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floati
     scatter = MAD_TO_SIGMA * float(np.median(np.abs(log_gains - median)))
     # Where nothing moves, rounding remains: uniform over a step in either frame, of variance 1/12 DN^2 for each pixel.
     rounding = float(np.sqrt(np.mean(pixels[usable] * (1 / 12) * (1 / sums[0] ** 2 + 1 / sums[1] ** 2))))
-    return BrightnessGain(median, _MEDIAN_EFFICIENCY * max(scatter, rounding) / float(np.sqrt(len(log_gains))))
+    error = _MEDIAN_EFFICIENCY * max(scatter, rounding) / float(np.sqrt(len(log_gains)))
+    return BrightnessGain(median, error, *_towards_corners(log_gains, np.flatnonzero(usable), rounding))
+
+
+def _towards_corners(log_gains: Float64, tiles: NDArray[np.intp], rounding: float) -> tuple[float, float]:
+    """Return the logarithm of a gain in the corners, and its evidence against an even gain, by sums of residuals.
+
+    Both models have one number, m (1 in every tile) and s r^2 (r^2 = 1 in the corner): the medians that leave least
+    absolute residuals, so that moving objects disturb neither. Of errors of a Laplace distribution of unknown width,
+    the likelihood of n tiles is proportional to (sum of residuals)^-n.
+    """
+    rows, columns = np.divmod(tiles, TILES[1])
+    # Distances of tiles from the middle of the image, 1 at its edge, and their squares, 1 in the corner.
+    down, right = (2 * (index + 0.5) / count - 1 for index, count in zip((rows, columns), TILES, strict=True))
+    height, width = TILES
+    squares = ((down * height) ** 2 + (right * width) ** 2) / (height**2 + width**2)
+    # sum |y - s r^2| = sum r^2 |y / r^2 - s|: the median of y / r^2 with weights r^2.
+    slopes = log_gains / squares
+    order = np.argsort(slopes)
+    weights = np.cumsum(squares[order])
+    corner = float(slopes[order[int(np.searchsorted(weights, weights[-1] / 2))]])
+    even_residual, corner_residual = (
+        float(np.mean(np.abs(residuals))) + rounding
+        for residuals in (log_gains - np.median(log_gains), log_gains - corner * squares)
+    )
+    return corner, len(log_gains) * float(np.log(even_residual / corner_residual))
 
 
 @njit(cache=True)

@@ -41,6 +41,14 @@ def test_grid_is_recovered(grid_ms: int) -> None:
     assert (best.pattern, best.magnitude) == ("grid", grid_ms)
 
 
+@pytest.mark.parametrize("frames", [1, 2, 5])
+def test_timestamps_that_keep_the_steps_of_frames_were_not_rounded(frames: int) -> None:
+    """A part of the stamps that is a microsecond late is late, and on no grid of one frame step or of several."""
+    patterns = timestamp_patterns(FRAMES_NS[10:40:frames] + 1000, FRAMES_NS)
+    assert (patterns[0].pattern, patterns[0].magnitude) == ("constant", 0.001)
+    assert "grid" not in {pattern.pattern for pattern in patterns}
+
+
 def test_stray_timestamps_follow_no_pattern() -> None:
     """Stamps that scatter over a frame step are explained by nothing."""
     stray_ns = FRAMES_NS + np.random.default_rng(3).integers(-9 * MS, 9 * MS, len(FRAMES_NS))

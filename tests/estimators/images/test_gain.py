@@ -48,6 +48,20 @@ def test_what_changes_in_a_third_of_the_image_does_not_matter() -> None:
     assert found.log_gain == pytest.approx(np.log(1.1), abs=1e-9)
 
 
+@pytest.mark.parametrize("loss", [0.02, 0.1, -0.05])
+def test_a_step_of_vignetting_is_told_from_an_even_step(loss: float) -> None:
+    """The gain in the corner is 1 less the loss; in either case the right model is a thousand times likelier."""
+    before = image()
+    rows, columns = np.mgrid[:90, :120] - np.array([44.5, 59.5])[:, np.newaxis, np.newaxis]
+    squares = (rows**2 + columns**2) / (45.0**2 + 60.0**2)
+    vignetted, even = (brightness_gain(before, before * gain) for gain in (1 - loss * squares, 1 - loss))
+    assert vignetted is not None
+    assert even is not None
+    assert vignetted.corner_log_gain == pytest.approx(np.log(1 - loss), rel=0.1)
+    assert vignetted.corner_evidence > np.log(1e3)
+    assert even.corner_evidence < -np.log(1e3)
+
+
 def test_a_histogram_tells_where_neighbours_of_codes_are_frequent() -> None:
     """Forty codes with fifty values each beside them are enough; the ends, which clipping fills, do not count."""
     counts = np.zeros(256, np.int64)
