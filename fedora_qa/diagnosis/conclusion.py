@@ -8,6 +8,7 @@ from fedora_qa.diagnosis.candidates import FITS, CauseCandidate
 from fedora_qa.diagnosis.direct import check_of_code, clears_by_construction, is_declared, is_direct, is_local
 from fedora_qa.diagnosis.proposed_faults import is_testable
 from fedora_qa.diagnosis.trial import UndoTrial
+from fedora_qa.faults.reversible import is_of_part
 from fedora_qa.record.types import DiagnosisStatus
 
 Trials = Mapping[tuple[str, str], UndoTrial]
@@ -53,10 +54,13 @@ def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
 def is_excluded(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
     """Whether a trial excludes a candidate: undone in the whole file, it leaves what it would explain.
 
-    Parameters are those of ``is_conclusive``.
+    Undone in a part, it excludes nothing: the edges of a part are known to a step of the samples, and those beside them
+    still deviate. Parameters are those of ``is_conclusive``.
     """
     trial = trials.get(candidate.key)
-    return trial is not None and trial.fails and is_conclusive(candidate, codes)
+    if trial is None or not trial.fails or is_of_part(trial.fault):
+        return False
+    return is_conclusive(candidate, codes)
 
 
 def clears_by_chance(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial) -> bool:

@@ -195,16 +195,38 @@ def _other_axes(fit: FittedCause) -> Faults:
 
 def _vector_axes(fit: FittedCause) -> Faults:
     cause: Any = fit.cause
-    for feature in (feature for alarm in fit.alarms for feature in alarm.statistic.features):
-        if not isinstance(feature, InertialConventionTrial):
-            continue
+    for feature, rows in _inertial_conventions(fit):
         sensor, world = _matrix(feature.convention.sensor_axes), _matrix(feature.convention.world_axes)
         if fit.stream == "imu":
-            yield axes.VectorAxes(fit.stream, sensor, cause=cause)
+            yield axes.VectorAxes(fit.stream, sensor, cause=cause, rows=rows)
         else:
             # The IMU measures P v for v in the body of the poses: R' = R P, so that the axes of the body are P^T.
-            yield axes.VectorAxes(fit.stream, world, _matrix(tuple(zip(*sensor, strict=True))), cause=cause)
-            yield axes.VectorAxes(fit.stream, world, turns_orientations=False, cause=cause)
+            body = _matrix(tuple(zip(*sensor, strict=True)))
+            yield axes.VectorAxes(fit.stream, world, body, cause=cause, rows=rows)
+            yield axes.VectorAxes(fit.stream, world, turns_orientations=False, cause=cause, rows=rows)
+
+
+def _inertial_conventions(fit: FittedCause) -> Iterator[tuple[InertialConventionTrial, RowRange | None]]:
+    """Yield the conventions under which IMU and poses agree, with the rows of the part in which they do."""
+    for alarm in fit.alarms:
+        where = alarm.finding.where
+        for feature in alarm.statistic.features:
+            if not isinstance(feature, InertialConventionTrial):
+                continue
+            if feature.interval_s is None or where.start_us is None or where.stop_us is None:
+                yield feature, None
+                continue
+            # Values outside of the place of the finding follow the declared convention.
+            ends_ns = [NS_PER_US * (end_us - fit.facts.origin_us) for end_us in (where.start_us, where.stop_us)]
+            first, last = np.searchsorted(fit.facts.clocks[fit.stream].times_ns, ends_ns)
+            yield feature, (int(first), int(last))
+
+
+def _angle_unit(fit: FittedCause) -> Faults:
+    for feature, rows in _inertial_conventions(fit):
+        if rows is not None and feature.convention.rate_unit != 1.0:
+            yield units.AngleUnit(feature.convention.rate_unit, rows)
+    yield units.AngleUnit(fit.size)
 
 
 def _matrix(rows: Sequence[Sequence[float]]) -> Matrix3:
@@ -397,7 +419,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "threshold_misdeclared": _thresholds,
         "event_model_misdeclared": lambda _: iter([declarations.EventModelMisdeclared()]),
         "unit_mm_m": _length_unit,
-        "unit_deg_rad": lambda fit: iter([units.AngleUnit(fit.size)]),
+        "unit_deg_rad": _angle_unit,
         "flow_unit": _flow_units,
         "flow_sign": lambda fit: iter([units.FlowSign(fit.stream)]),
         "flow_gain": lambda fit: iter([units.FlowGain(fit.stream, fit.size)]),

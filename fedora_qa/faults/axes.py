@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import R_BODY_OPTICAL
-from fedora_qa.faults.fault import Fault, values
-from fedora_qa.faults.reversible import InapplicableError, Matrix3, value_keys
+from fedora_qa.faults.fault import Fault
+from fedora_qa.faults.reversible import InapplicableError, Matrix3, RowRange, in_rows, value_keys
 from fedora_qa.geometry import so3
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
@@ -36,6 +36,8 @@ class VectorAxes:
         Whether orientations are written in the axes too. If not, only positions are.
     cause
         ``frame_convention`` or ``axes_swapped``.
+    rows
+        The rows in the other axes; None: all.
     """
 
     stream: str
@@ -43,6 +45,7 @@ class VectorAxes:
     body_axes: Matrix3 = _IDENTITY
     turns_orientations: bool = True
     cause: Literal["frame_convention", "axes_swapped"] = "frame_convention"
+    rows: RowRange | None = None
     magnitude: ClassVar[None] = None
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
@@ -59,7 +62,7 @@ class VectorAxes:
         keys, axes = value_keys(facts, self.stream), np.array(self.axes)
         if self.stream not in ("imu", "pose"):
             axes = axes[:2, :2]
-        turn = values(lambda vectors: _times_vectors(axes.T if inverted else axes, vectors))
+        turn = in_rows(lambda vectors: _times_vectors(axes.T if inverted else axes, vectors), self.rows)
         if self.stream != "pose":
             return Fault(description, dict.fromkeys(keys, turn))
         if not self.turns_orientations:
@@ -77,7 +80,7 @@ class VectorAxes:
         def rotated(q: NDArray[Any]) -> NDArray[Any]:
             return so3.compose(so3.compose(left, q), right)
 
-        return Fault(description, {_POSITION: turn, _ORIENTATION: values(rotated)})
+        return Fault(description, {_POSITION: turn, _ORIENTATION: in_rows(rotated, self.rows)})
 
 
 @dataclass(frozen=True, slots=True)

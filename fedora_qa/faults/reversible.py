@@ -96,6 +96,11 @@ def row_keys(facts: Facts, stream: str) -> tuple[str, ...]:
     return tuple(key for key in facts.layout.bindings if spec_of(key).stream == stream)
 
 
+def is_of_part(fault: ReversibleFault) -> bool:
+    """Whether a fault is one of a range of rows, and not of the whole stream."""
+    return getattr(fault, "rows", None) is not None
+
+
 def within(numbers: NDArray[np.int64], rows: RowRange | None) -> NDArray[np.bool_]:
     """Return which row numbers (n,) lie in a range of rows; with None all do."""
     start, stop = rows or (0, None)

@@ -11,15 +11,20 @@ from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.centre_conventions import hypotheses_of_conventions
 from fedora_qa.diagnosis.proposed_faults import faults_for, is_length_unit, is_testable
+from fedora_qa.estimators.imu.inertial_convention import InertialConvention
+from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.cameras import FocalLength, MountingRotation, PrincipalPointShift
 from fedora_qa.faults.clocks import ClockRate, ClockShift
 from fedora_qa.faults.pixels import PixelShift
+from fedora_qa.faults.reversible import is_of_part
 from fedora_qa.faults.table import faults_of
+from fedora_qa.faults.units import AngleUnit
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.record.types import Finding, Measurement, Result, Where
 from fedora_qa.views.flow_parameter_fit import FlowParameterFit
+from fedora_qa.views.inertial_features import InertialConventionTrial
 from tests.support.memory_sequence import facts_of, memory_sequence
 
 NEED_ROWS = {"teleport", "swapped_frames", "noise_misdeclared"}
@@ -184,6 +189,23 @@ def test_a_rate_of_a_part_of_a_clock_is_undone_there_first() -> None:
     undone_ns = undo(lambda start, stop: times_ns[start:stop], 0, len(times_ns))
     np.testing.assert_allclose(undone_ns, clock.times_ns, rtol=0, atol=1500)
     assert len(whole) == len(list(faults_for("clock_rate", "imu", 300.0, (), {}, facts)))
+
+
+def test_a_convention_of_a_part_is_undone_in_its_place() -> None:
+    """Rates in deg/s and exchanged axes from 50 to 150 ms of a file whose clock begins at 7 s."""
+    facts = replace(facts_of(memory_sequence()), origin_us=7_000_000.0)
+    exchanged = ((0, 1, 0), (1, 0, 0), (0, 0, 1))
+    convention = InertialConvention(sensor_axes=exchanged, rate_unit=57.3)
+    disagreement = alarm("imu.rotation.disagreement", InertialConventionTrial(convention, (0.05, 0.15)))
+    place = Where("imu", 7_050_000.0, 7_150_000.0)
+    of_part = replace(disagreement, finding=replace(disagreement.finding, where=place))
+    rows = tuple(np.searchsorted(facts.clocks["imu"].times_ns, [50 * NS_PER_MS, 150 * NS_PER_MS]).tolist())
+    local, whole = faults_for("unit_deg_rad", "imu", 57.3, (of_part,), {}, facts)
+    assert (local, whole) == (AngleUnit(57.3, rows), AngleUnit(57.3))
+    (turned,) = faults_for("axes_swapped", "imu", None, (of_part,), {}, facts)
+    assert isinstance(turned, VectorAxes)
+    assert turned.rows == rows
+    assert [is_of_part(fault) for fault in (local, whole, turned)] == [True, False, True]
 
 
 def test_units_of_length() -> None:
