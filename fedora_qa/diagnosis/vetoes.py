@@ -121,7 +121,8 @@ def _largest_jump_that_passes(measurement: Measurement) -> float:
     equal components along all three axes.
     """
     limits = (measurement.limit, measurement.least_detectable, *(measurement.least_detectable_range or ()))
-    return sqrt(3.0) * max(limit for limit in limits if limit is not None)
+    largest: float = sqrt(3.0) * max(limit for limit in limits if limit is not None)
+    return largest
 
 
 def _frames_contradict(cause: str, stream: str, magnitude: float, result: Result | None) -> bool:
