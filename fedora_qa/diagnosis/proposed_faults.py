@@ -48,6 +48,10 @@ _LENGTH_UNITS: Final = (10.0, 100.0, 1000.0, 0.3048, 0.9144, 1609.344, 1852.0)
 _UNIT_TOLERANCE: Final = 0.02
 """Largest relative difference of a fitted factor from that of a unit: units next to each other differ by more."""
 
+_ROUNDINGS: Final = 2
+"""Largest change of the difference of two timestamps by rounding, in units of the timestamps: half a unit for each
+timestamp, and the rounding of the period."""
+
 _NED_FROM_ENU: Final[Matrix3] = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
 _FRD_FROM_FLU: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 _LEFT: Final[Matrix3] = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -130,8 +134,9 @@ def _displaced_part(fit: FittedCause) -> DisplacedSegment | None:
 
 def _clock_shift(fit: FittedCause) -> Faults:
     part = _displaced_part(fit)
-    if part is not None and not part.drift:
-        # An offset of the whole clock would displace the timestamps that are correct.
+    if part is not None and not part.drift and abs(part.offset_ns) > _ROUNDINGS * NS_PER_US:
+        # An offset of the whole clock would displace the timestamps that are correct. One of two roundings is as well a
+        # drift of the part.
         yield clocks.ClockShift(fit.stream, part.offset_ns, (part.first, part.last + 1))
     offset_ns = fit.size * NS_PER_MS
     yield clocks.ClockShift(fit.stream, offset_ns)
