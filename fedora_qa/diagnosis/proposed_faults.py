@@ -114,6 +114,10 @@ _SATURATES: Final = 1.5
 of 1 px may be fitted as 1.5 px. The value is not derived."""
 
 
+_WHOLE_PX: Final = 0.1
+"""Largest distance of a fitted shift from whole pixels at which these are tried. A trial more costs little."""
+
+
 def is_testable(cause: str, stream: str, magnitude: float | None) -> bool:
     """Whether a cause can be undone: its fault has an inverse, and its size was fitted where it needs one."""
     sized = magnitude is not None and isfinite(magnitude) and magnitude != 0
@@ -246,6 +250,13 @@ def _mirroring(fit: FittedCause) -> Faults:
 
 
 def _pixel_shift(fit: FittedCause) -> Faults:
+    if shift_px := _fitted_vector(fit):
+        whole_px = tuple(map(round, shift_px))
+        # A shift by whole pixels is undone without a loss, which resampling never is.
+        if any(whole_px) and all(isclose(c, w, abs_tol=_WHOLE_PX) for c, w in zip(shift_px, whole_px, strict=True)):
+            yield pixels.PixelShift(fit.stream, *whole_px)
+        yield pixels.PixelShift(fit.stream, *shift_px)
+        return
     checks = {"events": "event_response.alignment", "rgb": "event_response.alignment", "depth": "alignment.depth"}
     result = fit.results.get(checks.get(fit.family, ""))
     # Alignment measures the shift of events, or of the depth camera, against the colour frames.

@@ -3,12 +3,15 @@
 Coordinates of events outside of the sensor stay as they are.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.flow.mask import EDGE, flow_breaks, inverse_depth, mark_edges
 from fedora_qa.faults.fault import Alteration, Fault, Read, values
 from fedora_qa.faults.reversible import InapplicableError, signed_length, streams_in, value_keys
 from fedora_qa.sequence.facts import Facts
@@ -19,6 +22,9 @@ _X, _Y, _P = "path/events/x", "path/events/y", "path/events/p"
 _COLUMN_AXIS: Final = 2
 _ROW_AXIS: Final = 1
 """Axes of images are (time, row, column, ...)."""
+
+_WITH_COMPONENTS: Final = 3
+"""Axes of a field of flow: row, column, component."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,11 +120,13 @@ def _mirrored(last: int) -> Alteration:
 
 @dataclass(frozen=True, slots=True)
 class PixelShift:
-    """The image is shifted by whole pixels.
+    """The image is shifted.
 
     Of images, what leaves the image is lost: the freed pixels are NaN, or where values cannot be NaN they repeat the
-    outermost pixel. Events enter again on the opposite side, so that no row is lost: undone, as many columns and rows
-    at the edge hold events of the opposite edge where the file held events that belong outside.
+    outermost pixel. Between pixels values follow a straight line along either axis. Depth and flow are NaN where one of
+    the pixels of the line is, or where it leads from one surface to another: such a value belongs to neither. Events
+    are shifted by whole pixels. They enter again on the opposite side, so that no row is lost: undone, as many columns
+    and rows at the edge hold events of the opposite edge where the file held events that belong outside.
 
     Attributes
     ----------
@@ -131,8 +139,8 @@ class PixelShift:
     """
 
     stream: str
-    columns: int
-    rows: int = 0
+    columns: float
+    rows: float = 0
     cause: ClassVar[str] = "spatial_offset"
 
     @property
@@ -142,24 +150,59 @@ class PixelShift:
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Shift to the right and down."""
-        description = f"{self.stream} lies {self.columns} px too far to the right"
-        return self._moved(facts, self.columns, self.rows, description + (f", {self.rows} px down" * bool(self.rows)))
+        description = f"{self.stream} lies {self.columns:g} px too far to the right"
+        description += f", {self.rows:g} px down" * bool(self.rows)
+        return self._moved(facts, self.columns, self.rows, description)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Shift to the left and up."""
-        description = f"{self.stream} {self.columns} px to the left and {self.rows} px up"
+        description = f"{self.stream} {self.columns:g} px to the left and {self.rows:g} px up"
         return self._moved(facts, -self.columns, -self.rows, description)
 
-    def _moved(self, facts: Facts, columns: int, rows: int, description: str) -> Fault:
+    def _moved(self, facts: Facts, columns: float, rows: float, description: str) -> Fault:
         if self.stream != "events":
             alter = values(lambda images: _moved_images(images, columns, rows))
             return Fault(description, dict.fromkeys(value_keys(facts, self.stream), alter))
         width, height = _sensor_size(facts)
-        moves = ((_X, columns, width), (_Y, rows, height))
+        moves = ((_X, round(columns), width), (_Y, round(rows), height))
         return Fault(description, {key: _on_ring(shift, size) for key, shift, size in moves if shift})
 
 
-def _moved_images(images: NDArray[Any], columns: int, rows: int) -> NDArray[Any]:
+def _moved_images(images: NDArray[Any], columns: float, rows: float) -> NDArray[Any]:
+    whole_columns, whole_rows = math.floor(columns), math.floor(rows)
+    part_columns, part_rows = columns - whole_columns, rows - whole_rows
+    if not part_columns and not part_rows:
+        return _moved_by_whole_pixels(images, whole_columns, whole_rows)
+    is_float = images.dtype.kind == "f"
+    if is_float:
+        images = np.where(_beside_edges(images).reshape(images.shape[:3] + (1,) * (images.ndim - 3)), np.nan, images)
+    moved = np.zeros(images.shape)
+    # Shares of the pixels at the whole shifts to both sides.
+    for right, of_column in ((0, 1.0 - part_columns), (1, part_columns)):
+        for down, of_row in ((0, 1.0 - part_rows), (1, part_rows)):
+            if of_column * of_row:
+                pixels = _moved_by_whole_pixels(images, whole_columns + right, whole_rows + down)
+                moved += of_column * of_row * pixels
+    return (moved if is_float else np.rint(moved)).astype(images.dtype)
+
+
+def _beside_edges(images: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return where (n, H, W) a pixel of depth (n, H, W) or flow (n, H, W, 2) is or touches one with an edge."""
+    marks = np.zeros(images.shape[:3], np.uint8)
+    for image, marked in zip(images.astype(np.float32), marks, strict=True):
+        if image.ndim == _WITH_COMPONENTS:
+            marked[...] = flow_breaks(image)
+        else:
+            marked[...] = mark_edges(inverse_depth(image), np.float32(EDGE), np.float32(np.inf))
+        # The border has no neighbours on one side, by which an edge would show.
+        for side in (marked[0], marked[-1], marked[:, 0], marked[:, -1]):
+            side[...] = 0
+        # Half way between two surfaces the second difference vanishes; that of its neighbours does not.
+        marked[...] = cv2.dilate(marked, np.ones((3, 3), np.uint8))
+    return marks.astype(np.bool_)
+
+
+def _moved_by_whole_pixels(images: NDArray[Any], columns: int, rows: int) -> NDArray[Any]:
     height, width = images.shape[1:3]
     from_rows, from_columns = np.arange(height) - rows, np.arange(width) - columns
     moved = images[:, np.clip(from_rows, 0, height - 1)][:, :, np.clip(from_columns, 0, width - 1)]

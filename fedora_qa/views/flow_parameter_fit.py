@@ -19,6 +19,8 @@ class FlowParameterFit(Feature):
         Share of the rms deviation that the error explains, 0 to 1.
     components
         Of the error, of which ``value`` is the norm with the sign of the largest.
+    smooth_share
+        As ``removed_share``, of the pixels away from breaks of the flow; 0 where these were not fitted on their own.
     """
 
     parameter: str
@@ -27,3 +29,4 @@ class FlowParameterFit(Feature):
     standard_error: float
     removed_share: float
     components: tuple[float, ...] = ()
+    smooth_share: float = 0.0

@@ -131,6 +131,17 @@ def test_the_vector_of_which_the_size_is_the_norm_is_undone() -> None:
     assert of_camera == MountingRotation("metadata", (-3.0, 0.0, 4.0), "depth")
 
 
+def test_both_components_of_a_shift_of_flow_are_undone() -> None:
+    """Near whole pixels these come first: undoing them loses nothing."""
+    facts = facts_of(memory_sequence())
+    for components, whole in (((0.28, 0.24), []), ((-6.01, 2.02), [PixelShift("flow", -6, 2)]), ((0.02, 0.05), [])):
+        size = float(np.copysign(np.hypot(*components), max(components, key=abs)))
+        fit = FlowParameterFit("spatial_offset", size, "px", 0.01, 0.9, components)
+        alarms = [alarm("flow_geometry.endpoint.error", fit)]
+        faults = list(faults_for("spatial_offset", "flow", size, alarms, {}, facts))
+        assert faults == [*whole, PixelShift("flow", *components)]
+
+
 @pytest.mark.parametrize(("convention_px", "offset_px"), [(0.5, 0.5), (1.0, 1.0), (0.0, None), (0.3, None)])
 def test_a_principal_point_by_another_convention_is_moved_back(convention_px: float, offset_px: float | None) -> None:
     """That of W/2 of one camera is the first to be tried; a distance of no convention proposes nothing."""

@@ -372,6 +372,34 @@ def test_invalid_timestamps_stay() -> None:
         assert np.flatnonzero(rows == invalid).tolist() == [3, 50]
 
 
+def test_images_are_resampled_between_pixels() -> None:
+    """Straight lines of values stay straight; a value next to an invalid pixel, or between two surfaces, is none."""
+    x, y = np.meshgrid(np.arange(16.0), np.arange(12.0))
+    flow = np.stack([0.3 * x - 0.1 * y, 0.2 * y + 0.1 * x], axis=-1)
+    flow[:, 10:] += 5.0
+    flow[2, 3] = np.nan
+    rows = np.repeat(flow[None], 2, axis=0).astype(np.float32)
+    sequence = memory_sequence()
+    undoing = PixelShift("flow/10hz", 0.25, -0.5).undo(facts_of(sequence), sequence)
+    back = undoing.rows["path/flow/10hz"](lambda start, stop: rows[start:stop], 0, 2)
+    assert (back.shape, back.dtype) == (rows.shape, rows.dtype)
+    # The value of a pixel was stored a quarter to its right and half a row above.
+    ramps = np.stack([0.3 * (x + 0.25) - 0.1 * (y - 0.5), 0.2 * (y - 0.5) + 0.1 * (x + 0.25)], axis=-1)
+    ramps[:, 10:] += 5.0
+    valid = np.isfinite(back[0, ..., 0])
+    np.testing.assert_allclose(back[0][valid], ramps[valid], atol=1e-5)
+    # The first row and the last column come from outside. Pixels about the invalid one and about the step are lost.
+    invalid = np.zeros((12, 16), bool)
+    invalid[0], invalid[:, -1], invalid[:6, :6], invalid[:, 7:12] = True, True, True, True
+    assert not np.any(~valid & ~invalid)
+    assert not np.any(valid[:, 8:11])
+    assert not np.any(valid[2:4, 2:4])
+    colour = np.tile((10 * np.arange(16))[None, None, :, None], (1, 12, 1, 3)).astype(np.uint8)
+    undoing = PixelShift("rgb", 0.5).undo(facts_of(sequence), sequence)
+    back = undoing.rows["path/rgb"](lambda start, stop: colour, 0, 1)
+    np.testing.assert_array_equal(back[0, :, :-1, 0], np.tile(10 * np.arange(15) + 5, (12, 1)))
+
+
 def test_shifted_images_and_events_go_back() -> None:
     """What has not left the image is where it was; what has left is NaN."""
     clean = memory_sequence()

@@ -21,6 +21,7 @@ from fedora_qa.views.flow_comparison import FieldError, compare_field, is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial, try_inverse_transforms
 from fedora_qa.views.flow_intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
 from fedora_qa.views.flow_parameter_fit import FlowParameterFit
+from fedora_qa.views.flow_shift import FieldShift, common_shift, shift_of_field
 
 _MOST_FOLLOW_UPS: Final = 8
 
@@ -55,8 +56,8 @@ class WindowErrors:
         Number of fields that no pose covers.
     too_few_pixels
         Number of fields with too few valid pixels.
-    trials
-        Trials of a follow-up.
+    trials, shifts
+        Trials and fitted shifts of a follow-up.
     """
 
     window: int
@@ -65,6 +66,7 @@ class WindowErrors:
     without_pose: int = 0
     too_few_pixels: int = 0
     trials: tuple[ConventionTrial, ...] = ()
+    shifts: tuple[FieldShift, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +179,8 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
     The density of the lattice depends on the effort; its phase changes from field to field. Flow is recomputed by the
     definition of format.md, X1 = R X0 + t. With declared pose noise, a correction of the relative pose of each field is
     fitted (Gauss-Newton, six parameters). After an alarm, templates of small errors (gain, focal length, principal
-    point, mounting, lever arm, time, drift) are fitted to the deviation, and inverse transforms are applied to
+    point, mounting, lever arm, time, drift) are fitted to the deviation, a shift of the image by parts of a pixel is
+    fitted away from the breaks of the flow, and inverse transforms are applied to
     deviating fields (sign, axes, units, mirrors, shifts, other rates and intervals, ray lengths, quaternion
     conventions). Where only a part of the image deviates, all of this uses that part, and causes that change the whole
     image are not named. Parameters of the camera that were probably set by hand (a round field of view, a centred
@@ -240,19 +243,22 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
         return tuple(window for suspicion, window in worst[:_MOST_FOLLOW_UPS] if suspicion < -1)
 
     def follow_up(self, state: list[WindowErrors], window: Window) -> None:
-        """Try inverse transforms on a field of each rate: the middle one of the window's deviating fields.
+        """Try inverse transforms and fit a shift, on the middle one of the window's deviating fields of each rate.
 
         A fault often begins or ends in the interval of the worst field, so half of that field may be correct.
         """
         track = pose_track(window, window.facts.declared.cameras["depth"])
         fields = [field for errors in state if errors.window == window.span.index for field in errors.fields]
         trials: list[ConventionTrial] = []
+        shifts: list[FieldShift] = []
         for stream in window.facts.flow_streams:
             off = [field for field in fields if field.interval.stream == stream and field.suspicion > 1]
             if off:
                 chosen = sorted(off, key=lambda field: field.suspicion)[(len(off) - 1) // 2]
-                trials += try_inverse_transforms(window, track, chosen.interval, chosen.frame, chosen.region)
-        state.append(WindowErrors(window.span.index, trials=tuple(trials)))
+                of_field = window, track, chosen.interval, chosen.frame, chosen.region
+                trials += try_inverse_transforms(*of_field)
+                shifts += filter(None, (shift_of_field(*of_field),))
+        state.append(WindowErrors(window.span.index, trials=tuple(trials), shifts=tuple(shifts)))
 
     def conclude(self, state: Sequence[WindowErrors], facts: Facts) -> Observation:
         """State the endpoint error of each rate, and the size of the corrections."""
@@ -260,6 +266,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
             (f for errors in state for f in errors.fields), key=lambda f: (f.interval.stream, f.interval.row)
         )
         trials = [trial for errors in state for trial in errors.trials]
+        shifts = [shift for errors in state for shift in errors.shifts]
         total = sum(facts.sizes.get(f"path/{stream}", 0) for stream in facts.flow_streams)
         pixels_of_field = max((field.pixels_of_field for field in fields), default=0)
         coverage = Coverage(
@@ -295,7 +302,8 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
         statistics: list[Statistic] = []
         for stream, group in by_stream.items():
             of_rate = (trial for trial in trials if trial.rate == stream)
-            features = (*of_all_rates, *of_rate, *_features(group, facts))
+            shift = common_shift([shift for shift in shifts if shift.rate == stream])
+            features = (*of_all_rates, *of_rate, *_features(group, facts), *((shift,) if shift else ()))
             statistics += [replace(statistic, features=features) for statistic in _statistics(stream, group, facts)]
         if facts.declared.pose:
             return Observation(coverage, tuple(statistics))

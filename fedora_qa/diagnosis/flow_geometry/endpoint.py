@@ -70,6 +70,7 @@ _STREAMS_OF_PARAMETER: Final = MappingProxyType({
     "lever_arm": (("metadata", 1), ("pose", 1)),
     "time_offset": _OF_TIME,
     "clock_rate": _OF_TIME,
+    "spatial_offset": (("flow", 1),),
 })  # fmt: skip
 """Streams in which an error of a parameter has the same effect, with the sign of the fault: a value that is declared
 too large has the effect of one that is too small in the flow. The first stream has the larger support."""
@@ -136,6 +137,8 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
             parameters.append(gain_hypothesis(flow, fit.gain, error, share, fit.interval_s, _SAME_GAIN))
         elif isinstance(fit, FlowParameterFit):
             share = fit.removed_share
+            if fit.parameter == "spatial_offset":
+                share, conventions = _of_shift(fit, conventions, flow)
             for stream, sign in _STREAMS_OF_PARAMETER[fit.parameter]:
                 named_stream, size = flow if stream == "flow" else stream, sign * fit.value
                 parameters.append(Hypothesis(fit.parameter, named_stream, share, size, fit.unit, fit.standard_error))
@@ -164,6 +167,18 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
     named_poses = (hypothesis for hypothesis in poses if hypothesis.cause != ANY_CAUSE)
     named = most_probable([*conventions, *parameters, *named_poses])
     return (named or (Hypothesis("unknown", flow, support("flow_geometry.unknown")),)) + any_pose
+
+
+def _of_shift(fit: FlowParameterFit, conventions: list[Hypothesis], flow: str) -> tuple[float, list[Hypothesis]]:
+    """Return the support of a fitted shift, and the conventions without shifts by whole pixels that it replaces."""
+    whole = [h for h in conventions if (h.cause, h.stream) == (fit.parameter, flow)]
+    replaced = [h for h in whole if fit.smooth_share >= min(h.support, _EXACT)]
+    supports = [
+        support("flow_geometry.fitted_shift") * fit.removed_share,
+        support("flow_geometry.fitted_shift_of_surfaces") * fit.smooth_share,
+        *(h.support for h in replaced),
+    ]
+    return max(supports), [h for h in conventions if h not in replaced]
 
 
 def _of_the_poses(

@@ -78,6 +78,13 @@ def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint
     a missing value or of the border. In the second frame these are pixels within 4 px of one to which points of
     different flow lead: one of the points must be occluded.
     """
+    breaks = flow_breaks(flow_px)
+    crowded = spread_at_targets(flow_px) > _CROWDED_PX**2
+    return widened(breaks.astype(np.uint8)), widened(crowded.astype(np.uint8))
+
+
+def flow_breaks(flow_px: Float32) -> Mask:
+    """Return where a flow (H, W, 2), px, has a break or a missing value, as (H, W)."""
     u, v = (np.ascontiguousarray(flow_px[..., i]) for i in range(2))
     is_valid = np.logical_and(np.isfinite(u), np.isfinite(v))
     u, v = np.where(is_valid, u, np.float32(0)), np.where(is_valid, v, np.float32(0))
@@ -85,8 +92,7 @@ def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint
     for component in (u, v):
         # Laplacian, as of the inverse depth: flow is smooth within a surface.
         breaks |= np.abs(cv2.Laplacian(component, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)) > BREAK_PX
-    crowded = spread_at_targets(flow_px) > _CROWDED_PX**2
-    return widened(breaks.astype(np.uint8)), widened(crowded.astype(np.uint8))
+    return breaks
 
 
 def widened(edge: NDArray[np.uint8]) -> NDArray[np.uint8]:

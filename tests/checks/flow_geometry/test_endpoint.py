@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.catalogue import hypotheses_of
@@ -100,6 +101,12 @@ def test_sampled_efforts_agree(share: float) -> None:
     assert hypothesis.magnitude == pytest.approx(0.1, rel=1e-2)
 
 
+def resampled(flow: np.ndarray, shift_px: tuple[float, float]) -> np.ndarray:
+    """Fields (n, H, W, 2) that lie to the right and down, straight between pixels; NaN where a neighbour is."""
+    right, down = shift_px
+    return np.asarray(ndimage.shift(flow, (0, down, right, 0), order=1, cval=np.nan))
+
+
 VALUE_FAULTS = {
     "gain": (lambda _, flow: flow * 1.02, "flow_gain", 2.0),
     "doubled": (lambda _, flow: flow * 2, "flow_gain", 100.0),
@@ -111,7 +118,9 @@ VALUE_FAULTS = {
     "v up": (lambda _, flow: flow * np.array([1, -1]), "frame_convention", None),
     "mirrored": (lambda _, flow: flow[:, :, ::-1], "mirrored", None),
     "shifted": (lambda _, flow: np.roll(flow, 3, axis=2), "spatial_offset", 3.0),
-    "shifted both ways": (lambda _, flow: np.roll(flow, (2, -6), axis=(1, 2)), "spatial_offset", -6.0),
+    "shifted both ways": (lambda _, flow: np.roll(flow, (2, -6), axis=(1, 2)), "spatial_offset", -np.hypot(6, 2)),
+    "shifted by a part of a pixel": (lambda _, flow: resampled(flow, (0.28, 0.24)), "spatial_offset", 0.3688),
+    "shifted by pixels and a part": (lambda _, flow: resampled(flow, (-2.6, 0.7)), "spatial_offset", -2.6926),
     "late": (lambda _, flow: np.concatenate([flow[:1], flow[:-1]]), "flow_interval_shifted", 1.0),
 }
 
