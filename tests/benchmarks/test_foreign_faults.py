@@ -326,6 +326,39 @@ def test_saturation_loses_the_last_events_of_full_milliseconds(
     assert 0 < 1 - after.sum() / before.sum() <= plan.size / 100
 
 
+def test_kitti_keeps_vectors_to_half_a_step(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """A step is 1/64 px; what is not valid is -512 px."""
+    old, new, _ = pair_of("flow through the 16 bits of KITTI")
+    for key in KEYS:
+        valid = np.isfinite(old[key])
+        assert np.abs(new[key] - old[key])[valid].max() <= 1 / 128 + 1e-5
+        assert not valid.all()
+        np.testing.assert_array_equal(new[key][~valid], -512)
+
+
+def test_a_slewed_clock_stays_ahead(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """By the gain times the length of the while; before it the clock is right."""
+    old, new, plan = pair_of("IMU clock slewed for a while")
+    ahead_us = new["path/imu/ts"] - old["path/imu/ts"]
+    span_us = old["path/imu/ts"][-1] - old["path/imu/ts"][0]
+    assert ahead_us[0] == 0
+    assert ahead_us[-1] == pytest.approx(plan.size / 1e6 * (plan.end - plan.begin) * span_us, abs=1)
+
+
+def test_the_other_eye_sees_near_pixels_farther_left(
+    pair_of: Callable[[str], tuple[Contents, Contents, Plan]],
+) -> None:
+    """Each depth of a row is one of the same row, at the column that its parallax gives, to half a pixel."""
+    old, new, plan = pair_of("depth of the other eye")
+    focal = old["metadata/cameras/depth@K"][0, 0]
+    row, view = old["path/depth"][0][-1], new["path/depth"][0][-1]
+    columns = np.flatnonzero(np.isfinite(view))
+    assert len(columns) > 0
+    for column in columns:
+        sources = np.flatnonzero(row == view[column])
+        assert np.min(np.abs(sources - focal * 1000 * plan.size / view[column] - column)) <= 0.5 + 1e-6
+
+
 WHOLE_CHAIN = ("gyro in deg/s", "quaternions w first")
 
 

@@ -191,11 +191,15 @@ def limited(file: h5py.File, plan: Plan) -> None:
         replace_values(file, key, np.clip(values, -limit, limit).astype(values.dtype))
 
 
+def turning(file: h5py.File) -> dict[str, Matrix]:
+    """Return what the camera's turning alone moves: the way is a thousandth of what it was."""
+    position_m, attitude = _pose(file)
+    return _computed(file, position_m / 1000, attitude, np.asarray(file["metadata/cameras/depth"].attrs["K"]))
+
+
 def of_turning_alone(file: h5py.File, plan: Plan) -> None:
     """Depth was in millimetres and the way in metres, so that the way moves nothing."""
-    position_m, attitude = _pose(file)
-    K = np.asarray(file["metadata/cameras/depth"].attrs["K"])
-    _replace(file, _computed(file, position_m / 1000, attitude, K))
+    _replace(file, turning(file))
 
 
 def on_late_grid(file: h5py.File, plan: Plan) -> None:

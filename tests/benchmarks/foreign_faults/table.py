@@ -15,6 +15,7 @@ from tests.benchmarks.foreign_faults import (
 from tests.benchmarks.foreign_faults.composites import both
 from tests.benchmarks.foreign_faults.inertial import ACCELEROMETER, GYRO
 from tests.benchmarks.foreign_faults.kind import EXACT_SCENES, QUIET_SCENES, Kind, Range
+from tests.benchmarks.foreign_faults.makers import MAKERS
 from tests.benchmarks.foreign_faults.paths import (
     CAMERA,
     COLOUR_MAP,
@@ -440,4 +441,5 @@ _COMPOSITES: Final = (
 KINDS: Final = (
     *(*_CLOCKS, *_INDEX_MAPS, *_EVENTS, *_COLOUR, *_DEPTH, *_FLOW, *_IMU, *_POSE, *_CAMERAS, *_COMPOSITES),
     *PIPELINES,
+    *MAKERS,
 )
