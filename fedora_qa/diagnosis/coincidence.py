@@ -5,6 +5,7 @@ a stream lies on the grid of the others with a probability of one microsecond ov
 it has no offset, and where all others lie on one grid the one that does not has it.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final, Literal
@@ -34,8 +35,9 @@ class ClockPlace:
     Attributes
     ----------
     place
-        ``in``: its timestamps lie on the grid of most other streams, and of at least two; ``out``: they do not, while
-        those of all others lie on one grid; ``unknown``: neither.
+        ``in``: its timestamps lie on the grid of most other streams, and of at least two, or are of the most streams
+        that share a grid; ``out``: they do not, while those of all others lie on one grid, or the streams that do not
+        share it left it together; ``unknown``: neither.
     period_ms
         Of the stream.
     """
@@ -73,6 +75,10 @@ def places_of_clocks(facts: Facts) -> dict[str, ClockPlace]:
         if clock.usable and len(clock.times_ns) >= len(times_ns.get(name, ())):
             times_ns[name] = clock.times_ns
     agree = {frozenset(pair): _coincide(times_ns[pair[0]], times_ns[pair[1]]) for pair in combinations(times_ns, 2)}
+    common = _most_on_one_grid(list(times_ns), agree)
+    apart = [stream for stream in times_ns if stream not in common]
+    # Streams of one device, or of one renderer, leave the grid of the others together, and keep their own.
+    left_together = bool(common) and all(agree[frozenset(pair)] for pair in combinations(apart, 2))
     places: dict[str, ClockPlace] = {}
     for stream, of_stream_ns in times_ns.items():
         others = [other for other in times_ns if other != stream]
@@ -80,14 +86,27 @@ def places_of_clocks(facts: Facts) -> dict[str, ClockPlace]:
         others_agree = all(agree[frozenset(pair)] for pair in combinations(others, 2))
         place: Place = "unknown"
         # A frame that is late by 5 ms still lies on the grids of poses at 200 Hz and of the IMU, but not of the others.
-        if sum(on_grid) >= _FEWEST_OTHERS and 2 * sum(on_grid) > len(on_grid):
+        if (sum(on_grid) >= _FEWEST_OTHERS and 2 * sum(on_grid) > len(on_grid)) or stream in common:
             place = "in"
-        elif len(others) >= _FEWEST_OTHERS and others_agree:
+        elif (len(others) >= _FEWEST_OTHERS and others_agree) or left_together:
             place = "out"
         # The median ignores gaps.
         period_ms = float(np.median(np.diff(of_stream_ns))) / NS_PER_MS if len(of_stream_ns) > 1 else 0.0
         places[stream] = ClockPlace(place, period_ms)
     return places
+
+
+def _most_on_one_grid(streams: Sequence[str], agree: Mapping[frozenset[str], bool]) -> frozenset[str]:
+    """Return more than half of the streams, which all share one grid; none where several such sets are as large."""
+    for count in range(len(streams), max(len(streams) // 2, _FEWEST_OTHERS), -1):
+        sets = [
+            chosen
+            for chosen in combinations(streams, count)
+            if all(agree[frozenset(pair)] for pair in combinations(chosen, 2))
+        ]
+        if sets:
+            return frozenset(sets[0]) if len(sets) == 1 else frozenset()
+    return frozenset()
 
 
 def _coincide(first_ns: NDArray[np.int64], second_ns: NDArray[np.int64]) -> bool:

@@ -60,7 +60,9 @@ def is_excluded(candidate: CauseCandidate, codes: Mapping[str, str], trials: Tri
     trial = trials.get(candidate.key)
     if trial is None or not trial.fails or is_of_part(trial.fault):
         return False
-    return is_conclusive(candidate, codes)
+    # Of two faults in one file, undoing either leaves the findings of the other, which say nothing of it.
+    concerns_it = not trial.left or any(finding in trial.left for finding in candidate.evidence)
+    return concerns_it and is_conclusive(candidate, codes)
 
 
 def clears_by_chance(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial) -> bool:

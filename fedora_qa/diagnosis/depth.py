@@ -56,6 +56,9 @@ def _no_size(_: float) -> None:
 _ALL_OF_IT: Final = 1.0
 """Support of a cause that alone has the effect of the transform."""
 
+_OF_WHOLE_IMAGES: Final = frozenset({"mirrored", "depth_ray_not_z"})
+"""Causes that alter all pixels of an image: where a part of it deviates, the transform resembles another cause."""
+
 _CAUSES_OF_TRANSFORM: Final[Mapping[Transform, tuple[tuple[str, str, float, Size], ...]]] = MappingProxyType({
     "depth_scale": (
         ("unit_mm_m", "depth", _ALL_OF_IT, float),
@@ -200,7 +203,7 @@ def _by_trials(pairs: Sequence[PairTrials], extent: Extent, *, share_off: float)
                 continue
             for cause, stream, full_support, size_of in _CAUSES_OF_TRANSFORM[trial.transform]:
                 # Pose and camera are common to all pixels: a deviation of a part of the image is a fault of depth.
-                if extent == "part" and stream != "depth":
+                if extent == "part" and (stream != "depth" or cause in _OF_WHOLE_IMAGES):
                     continue
                 explained = full_support * trial.residual_reduction
                 if (cause, stream) not in best or best[cause, stream][0] < explained:

@@ -17,6 +17,7 @@ from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
 from fedora_qa.diagnosis.centre_conventions import hypotheses_of_conventions
+from fedora_qa.diagnosis.coincidence import places_of_clocks
 from fedora_qa.diagnosis.features import only_feature
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
@@ -230,9 +231,10 @@ def whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:
     near_ns = abs(offset_ms) * 1e6 / 4
     as_timestamped = _median_distance(frames_ns, common_ns) < near_ns
     moved_back = _median_distance(frames_ns + round(1e6 * offset_ms), common_ns) < near_ns
-    # Frames meet the common times with and without the offset, or in neither case: these times do not decide.
+    # Frames meet the common times with and without the offset, or in neither case: these times do not decide, but all
+    # clocks do where colour left the grid of the others, alone or with depth.
     if as_timestamped == moved_back:
-        return either
+        return either[::-1] if places_of_clocks(facts)["rgb"].place == "out" else either
     return either[::-1] if moved_back else (_EVENTS, support("event_response.clock_of_frames_in_step"))
 
 

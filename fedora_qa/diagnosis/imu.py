@@ -29,6 +29,7 @@ from fedora_qa.views.inertial_features import (
     MotionKind,
     OffsetsApart,
 )
+from fedora_qa.views.sample_defects import ClippedSamples, NoWeight
 
 _LEAST_EXPLAINED: Final = 0.5
 """Explained share above which a group of parameters becomes a rival of the freed one."""
@@ -89,6 +90,11 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
     rule = alarm.finding.code.rpartition(".")[2]
     if rule == "disagreement":
         return conventions
+    if any(isinstance(feature, ClippedSamples | NoWeight) for feature in features):
+        # Samples below a limit are right, so that no bias or gain is theirs, nor that of a part. Another flight has its
+        # weight: what has none is in another unit, of which no parameter of the fit is one.
+        unknown = Hypothesis("unknown", "imu", support("imu.samples_of_no_flight"))
+        return (*conventions, *defect_hypotheses(features), unknown)
     if rule not in ("residual", "worst"):
         # A fit that did not converge turns one motion into another: its parameters have no meaning.
         other = _other_sequence(1.0) if any(isinstance(feature, UnsettledFit) for feature in features) else ()

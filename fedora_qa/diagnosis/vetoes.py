@@ -45,6 +45,7 @@ _IN_ORDER: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
         ("event_model_misdeclared", "events"): ("event_response.model",),
         # Vignetting of a part of the file is a jump where it begins.
         ("vignetting", "rgb"): ("images.vignetting", "images.exposure"),
+        ("depth_ray_not_z", "depth"): ("depth.projection",),
         # Repeats are counted bit by bit, and straight lines leave no curvature.
         ("frozen_frames", "pose"): ("pose.continuity",),
         ("interpolated_pose", "pose"): ("pose.continuity",),
@@ -66,6 +67,9 @@ _CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """Checks that correlate a stream with others: where one of them passes, the stream is of the same sequence."""
 
+
+_ATTITUDE_CONVENTIONS: Final = frozenset({"quaternion_order", "quaternion_inverted", "frame_convention"})
+"""Causes by which attitudes are those of another body."""
 
 _OWN: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({"pose": ("pose.orientation", "pose.continuity")})
 """Checks of a stream by itself that another sequence does not fail: where they fail, the stream does not correlate with
@@ -97,6 +101,8 @@ def contradicts(
         offset_ms = magnitude if cause == "time_offset" else None
         if places[family].excludes(offset_ms):
             return True
+    if family == "pose" and cause in _ATTITUDE_CONVENTIONS and _turns_with_depth(results):
+        return True
     if (cause, family) in _IN_ORDER:
         return all(_passed(results.get(check)) for check in _IN_ORDER[cause, family])
     if family == "flow" and cause in _OF_FLOW and magnitude is not None:
@@ -123,6 +129,15 @@ def _largest_jump_that_passes(measurement: Measurement) -> float:
     limits = (measurement.limit, measurement.least_detectable, *(measurement.least_detectable_range or ()))
     largest: float = sqrt(3.0) * max(limit for limit in limits if limit is not None)
     return largest
+
+
+def _turns_with_depth(results: Results) -> bool:
+    """Whether depth frames turn as the poses do, while the gyro does not.
+
+    Attitudes of another body would turn the points of depth about other axes. Another world turns neither the depth
+    frames nor the gyro against the poses: it moves gravity alone.
+    """
+    return _passed(results.get("depth.consistency")) and _failed(results.get("imu.rotation"))
 
 
 def _frames_contradict(cause: str, stream: str, magnitude: float, result: Result | None) -> bool:

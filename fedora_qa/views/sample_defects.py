@@ -27,6 +27,16 @@ LEAST_EVENNESS: Final = 0.2
 """Least evenness of a sampled motion: the curvature of a smooth motion does not change fivefold within a step, nor does
 the median of noise."""
 
+_CLIPPED: Final = 0.02
+"""Least share of samples at the limit of a sensor for a clip. Float64 samples of a motion repeat none by chance."""
+
+_DISTINCT: Final = 0.9
+"""Least share of distinct samples below the limits: rounding and frozen samples leave fewer."""
+
+_OTHER_WEIGHT: Final = 3.0
+"""Ratio of specific force to gravity, or of gravity to it, that half of a flight does not exceed: a vehicle that
+carries itself accelerates at about 1 g, and turns at 3 g do not last."""
+
 _SAME_NOISE: Final = 0.25
 """Largest relative difference of two measurements of one noise: each is known to a tenth from a hundred samples."""
 
@@ -119,6 +129,32 @@ class RepeatedSamples(Feature):
 
 
 @dataclass(frozen=True, slots=True)
+class ClippedSamples(Feature):
+    """Samples of a sensor of the IMU end at a limit: many equal the largest value of an axis bit for bit.
+
+    Attributes
+    ----------
+    share
+        Of the samples of that axis.
+    """
+
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class NoWeight(Feature):
+    """The accelerometer does not measure a weight such as the declared one, as it does in any flight.
+
+    Attributes
+    ----------
+    ratio
+        Median length of specific force over declared gravity.
+    """
+
+    ratio: float
+
+
+@dataclass(frozen=True, slots=True)
 class LoneSamples(Feature):
     """Single samples lie off the motion of those on both sides, and all others on it: what is off at times is no noise.
 
@@ -207,6 +243,28 @@ def held_imu(imu: ImuSamples, frozen: NDArray[np.intp]) -> tuple[Feature, ...]:
     Held samples are late by half of the time for which they are held, which is no offset of the clock.
     """
     return (RepeatedSamples("imu", len(frozen)),) if 2 * len(frozen) > len(imu.times_ns) else ()
+
+
+def clipped_samples(samples: NDArray[np.float64]) -> tuple[Feature, ...]:
+    """Return the clip of a sensor, with samples of shape (N, 3); nothing where samples repeat without a limit, too.
+
+    A sensor at its limit repeats one number, and no number below it. Rounded or frozen samples repeat others.
+    """
+    shares = [0.0]
+    for values in samples.T:
+        counts = np.unique(values, return_counts=True)[1]
+        below = counts[1:-1]
+        # An axis that never changes may be that of a level flight.
+        if len(below) and len(below) > _DISTINCT * int(below.sum()):
+            shares.append(max(int(counts[0]), int(counts[-1])) / len(values))
+    largest = max(shares)
+    return (ClippedSamples(largest),) if largest > _CLIPPED else ()
+
+
+def weightless(forces_m_s2: NDArray[np.float64], gravity_m_s2: float) -> tuple[Feature, ...]:
+    """Return the lack of weight of specific forces, shape (N, 3), or their excess."""
+    ratio = float(np.median(np.linalg.norm(forces_m_s2, axis=1))) / gravity_m_s2 if gravity_m_s2 > 0 else 1.0
+    return () if 1 / _OTHER_WEIGHT < ratio < _OTHER_WEIGHT else (NoWeight(ratio),)
 
 
 def lone_poses(poses: PoseSamples) -> LoneSamples | None:

@@ -67,6 +67,14 @@ def test_whole_periods_leave_a_clock_on_its_grid() -> None:
     assert not ClockPlace("unknown", 20.0).excludes(2.0)
 
 
+def test_streams_that_left_the_grid_together_are_out() -> None:
+    """Colour and depth of one renderer 6.4 ms late, by as much: flow, IMU and poses are the most that share a grid."""
+    late = moved("rgb", 6_415_000)
+    for offset_ns, place in ((6_415_000, "out"), (3_111_000, "unknown")):
+        both = replace(late, clocks={**late.clocks, "depth": moved("depth", offset_ns).clocks["depth"]})
+        assert places_of(both) == {"rgb": place, "depth": place, "flow": "in", "imu": "in", "pose": "in"}
+
+
 def test_a_frame_on_the_grid_of_the_poses_alone_is_out() -> None:
     """Colour 5 ms late: still at poses (200 Hz) and samples of the IMU (1000 Hz), not at depth and flow."""
     places = places_of(moved("rgb", 5 * MS))

@@ -159,6 +159,12 @@ def test_a_part_of_the_image_is_a_fault_of_depth() -> None:
     )
 
 
+def test_no_part_of_an_image_is_mirrored_or_of_rays() -> None:
+    """Both alter all pixels: where a part deviates, they resemble what is wrong there."""
+    trials = tuple(trial(transform, 0.9, extent="part") for transform in ("mirrored", "ray_length"))
+    assert of_pairs(PairTrials(0, trials), off=1, compared=100) == ()
+
+
 def test_frames_that_repeat_are_counted() -> None:
     assert of_pairs(PairTrials(0, ()), repeated=2) == (Hypothesis("frozen_frames", "depth", 1.0, 2.0, "samples", 0.0),)
 

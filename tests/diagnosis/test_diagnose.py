@@ -305,6 +305,42 @@ def test_frames_that_follow_the_flow_contradict_a_fault_of_it(cause: str, compon
         assert diagnosed(both)[0].stream == "flow"
 
 
+def test_depth_that_turns_with_the_poses_contradicts_conventions_of_attitudes() -> None:
+    """Where the gyro alone turns otherwise; another world would turn neither, and is contradicted by neither."""
+    of_pose, of_imu = (Hypothesis("frame_convention", s, w) for s, w in (("pose", 0.95), ("imu", 0.9)))
+    shown = [alarm(1, of_pose, of_imu, code="imu.rotation.residual", stream="imu")]
+    depth, gyro = Result("depth.consistency", "passed", "?"), Result("imu.rotation", "failed", "?")
+    assert diagnosed(shown, results={depth.check: depth, gyro.check: gyro})[0].stream == "imu"
+    for results in (
+        (depth,),
+        (gyro,),
+        (replace(depth, outcome="failed"), gyro),
+        (depth, replace(gyro, outcome="passed")),
+    ):
+        assert diagnosed(shown, results={result.check: result for result in results})[0].stream == "pose"
+
+
+def test_a_projection_in_order_contradicts_lengths_of_rays() -> None:
+    """Divided by the lengths of rays, depth of another scale has the declared one; its exponent says that it is z."""
+    shown = [alarm(1, Hypothesis("depth_ray_not_z", "depth", 0.9), code="depth.scale.factor", stream="depth")]
+    ray = Result("depth.projection", "passed", "?")
+    assert diagnosed(shown)[0].cause == "depth_ray_not_z"
+    assert diagnosed(shown, results={ray.check: ray})[0].cause == "unknown"
+
+
+def test_what_another_fault_leaves_excludes_nothing() -> None:
+    """The windows of a trial show only a finding that the cause would not explain."""
+    late = Hypothesis("time_offset", "events", 0.8, 2.0, "ms", 0.1)
+    lost = Hypothesis("dropped_samples", "depth", 0.5)
+    shown = [alarm(1, late, code="event_response.timing.offset"), alarm(2, lost, code="clocks.gaps.gap")]
+    of_other, of_own = ({IS_LATE: tried(left={finding: 1.0})} for finding in ("F2", "F1"))
+    assert [(d.cause, d.status) for d in diagnosed(shown, of_other)] == [
+        ("time_offset", "suggested"),
+        ("dropped_samples", "supported"),
+    ]
+    assert "time_offset" not in {d.cause for d in diagnosed(shown, of_own)}
+
+
 def test_a_whole_that_correlates_excludes_no_part() -> None:
     """Frames of another sequence for a while leave most of the file as it was."""
     other = [alarm(1, Hypothesis("other_sequence", "rgb", 0.9), code="event_response.frames.change", stream="rgb")]

@@ -11,7 +11,7 @@ from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.timing import DelayCourses, delay_courses
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.event_response import hypotheses_of_symmetry, propose_alignment, with_clock_reset
+from fedora_qa.diagnosis.event_response import hypotheses_of_symmetry, propose_alignment, whose_offset, with_clock_reset
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.estimators.events.delays import DelayStep
 from fedora_qa.estimators.events.orientation import SYMMETRIES
@@ -19,9 +19,11 @@ from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import EventScan, EventStep
+from fedora_qa.sequence.scan import clock_of
 from fedora_qa.views.clock_resets import clock_reset
 from fedora_qa.views.event_clock_offset import LocalOffset
 from tests.support.facts import MS, exact_facts
+from tests.support.memory_sequence import facts_of, memory_sequence
 from tests.support.proposals import named, proposed
 
 
@@ -102,3 +104,13 @@ def test_frames_that_change_without_their_events_are_of_another_sequence(length:
 def test_frames_of_another_sequence_do_not_stand_out_of_their_like() -> None:
     """Where no interval correlates, that is a fault of the whole file."""
     assert longest_unrelated(np.ones(9), np.ones(9), np.zeros(9)) == 0
+
+
+@pytest.mark.parametrize(("frames_ms", "first"), [(6.4, "rgb"), (0.0, "events")])
+def test_frames_that_left_the_grid_with_depth_are_late_and_not_the_events(frames_ms: float, first: str) -> None:
+    """Colour still meets depth, and not flow, IMU and poses; where nothing moved, the events did."""
+    facts = facts_of(memory_sequence())
+    late = {"rgb": frames_ms, "depth": frames_ms}
+    clocks = {name: clock_of(facts.clocks[name].times_ns + round(by * MS), None) for name, by in late.items()}
+    of_events, of_frames = whose_offset(-6.4, replace(facts, clocks={**facts.clocks, **clocks}))
+    assert (of_frames > of_events) == (first == "rgb")

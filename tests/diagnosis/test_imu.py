@@ -11,6 +11,7 @@ from fedora_qa.checks.imu.agreement import InertialParameter
 from fedora_qa.diagnosis.imu import parameter_hypotheses
 from fedora_qa.diagnosis.timing_cues import TimingCues
 from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.views.sample_defects import clipped_samples
 from tests.support.motion_world import GRAVITY_M_S2, NOISY, MotionFile, sample_motion
 
 TURN = Rotation.from_rotvec(np.radians([8.0, -6.0, 3.0]))
@@ -52,6 +53,40 @@ def test_a_turned_imu_beside_noisy_poses_is_blamed_and_not_the_poses(tmp_path: P
     path = MotionFile(samples=turned, declared=NOISY).write(tmp_path / "motion.h5")
     first = check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record.diagnoses[0]
     assert (first.cause, first.stream) == ("frame_convention", "imu")
+
+
+@pytest.mark.parametrize("limit", [0.97, 0.995])
+def test_forces_at_a_limit_are_no_bias(tmp_path: Path, limit: float) -> None:
+    """A clip leaves samples below it as they were; a bias moves all. No cause names a limit."""
+    samples = sample_motion()
+    largest = limit * np.abs(samples.specific_forces_body_m_s2).max()
+    clipped = replace(samples, specific_forces_body_m_s2=samples.specific_forces_body_m_s2.clip(-largest, largest))
+    path = MotionFile(samples=clipped).write(tmp_path / "motion.h5")
+    record = check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record
+    assert {diagnosis.cause for diagnosis in record.diagnoses} == {"unknown"}
+
+
+def test_an_imu_without_weight_is_of_no_other_flight(tmp_path: Path) -> None:
+    """Every vehicle has its weight: angles and velocities gained in a millisecond are another unit."""
+    samples = sample_motion(duration_s=1.0)
+    gained = replace(
+        samples,
+        angular_velocities_body_rad_s=samples.angular_velocities_body_rad_s / 1000,
+        specific_forces_body_m_s2=samples.specific_forces_body_m_s2 / 1000,
+    )
+    path = MotionFile(samples=gained).write(tmp_path / "motion.h5")
+    record = check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record
+    assert {diagnosis.cause for diagnosis in record.diagnoses} == {"unknown"}
+
+
+def test_samples_end_at_a_limit_where_they_repeat_it_alone() -> None:
+    """Rounded samples repeat other values as well; a motion repeats none, and a level flight has one value alone."""
+    motion = np.random.default_rng(0).normal(size=(400, 3))
+    assert clipped_samples(motion) == ()
+    assert clipped_samples(np.rint(motion * 4) / 4) == ()
+    assert clipped_samples(motion.clip(None, 1.5)) != ()
+    assert clipped_samples(motion.clip(-1.5, None)) != ()
+    assert clipped_samples(motion * [1, 1, 0]) == ()
 
 
 def test_a_slope_of_gravity_alone_is_the_world_of_the_poses() -> None:

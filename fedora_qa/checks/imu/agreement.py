@@ -14,6 +14,7 @@ from fedora_qa.estimators.imu.inertial_convention import InertialConvention
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
+from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import (
     InertialStreams,
@@ -26,7 +27,14 @@ from fedora_qa.views.inertial_agreement import (
 )
 from fedora_qa.views.inertial_features import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 from fedora_qa.views.motion_samples import location_of, pose_model
-from fedora_qa.views.sample_defects import frozen_poses, held_imu, pose_defects, timestamp_defects
+from fedora_qa.views.sample_defects import (
+    clipped_samples,
+    frozen_poses,
+    held_imu,
+    pose_defects,
+    timestamp_defects,
+    weightless,
+)
 
 _DEGREES: Final = float(np.degrees(1.0))
 
@@ -182,10 +190,13 @@ def agreement_observation(
     # Under a wrong convention the fitted parameters do not measure small faults.
     if trial is not None and trial.is_certain:
         return Observation(coverage, (_disagreement(facts, streams, kind, trial),))
+    samples = streams.imu.angular_velocities_body_rad_s if kind == "rotation" else streams.imu.specific_forces_body_m_s2
     defects: tuple[Feature, ...] = (
         *((trial,) if trial else ()),
         *timestamp_defects(facts, "imu"),
         *held_imu(streams.imu, streams.frozen_imu),
+        *clipped_samples(samples),
+        *weightless(streams.imu.specific_forces_body_m_s2, (facts.declared.imu or ImuModel()).gravity),
         *pose_defects(facts, streams.poses, pose_model(facts, streams.poses)),
     )
     if part := fit.partial_bias:

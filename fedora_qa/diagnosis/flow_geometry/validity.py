@@ -14,13 +14,13 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import (
     TimestampPattern,
 )
 from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.diagnosis.flow import DISPLACEMENTS, spreads_over
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
-from fedora_qa.layout.canonical import flow_rate_hz
+from fedora_qa.layout.canonical import flow_rate_hz, is_flow_stream
 from fedora_qa.sequence.facts import Facts
 
 _CAUSE_OF_PATTERN: Final = MappingProxyType(
@@ -90,7 +90,11 @@ def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) ->
         # timestamps.
         flow_is_suspected = not relation.at_missing_frame and not relation.on_colour_frames
         for pattern in features:
-            if isinstance(pattern, TimestampPattern) and pattern.removed_share > 0:
+            if (
+                isinstance(pattern, TimestampPattern)
+                and pattern.removed_share > 0
+                and not _is_own_beat(pattern, stream)
+            ):
                 which = "suspected" if flow_is_suspected is (pattern.stream != "depth") else "other"
                 weight = support(f"flow_geometry.pattern_of_{which}_stream") * pattern.removed_share
                 cause = _CAUSE_OF_PATTERN[pattern.pattern]
@@ -128,3 +132,11 @@ def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) ->
                 Hypothesis("dropped_samples", stream, support("flow_geometry.length_beside_missing")),
             )
     return tuple(of_frames)
+
+
+def _is_own_beat(pattern: TimestampPattern, stream: str) -> bool:
+    """Whether a grid of flow is the length of its intervals: those that abut keep to it however late they are."""
+    of_flow = pattern.pattern == "grid" and stream_family(pattern.stream) == "flow"
+    if not of_flow or not is_flow_stream(stream):
+        return False
+    return NS_PER_MS * pattern.magnitude > (1.0 - _SAME_LENGTH) * NS_PER_S / flow_rate_hz(stream)

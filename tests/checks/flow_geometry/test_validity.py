@@ -189,6 +189,12 @@ def test_fault_of_the_timestamps_is_named(change: object, rule: str, cause: str,
         assert hypothesis.magnitude == pytest.approx(size, rel=0.02)
 
 
+def test_intervals_are_not_rounded_to_their_own_length() -> None:
+    """Those that abut keep to a grid of their length, however late they are."""
+    late_flow = alarm_of(judged(FlowGeometryValidity(), with_timestamps(clean(), late)), "off_frames")
+    assert "quantised_time" not in {h.cause for h in hypotheses_of(late_flow, clean().facts) if h.stream == "flow"}
+
+
 def test_late_depth_is_told_from_late_flow() -> None:
     """Where flow begins on colour frames and not on depth frames, depth is late."""
     facts = clean().facts
