@@ -113,10 +113,9 @@ def contradicts(
         measurement = measured(result, name)
         if measurement is None or measurement.limit is None or not _passed(result):
             return False
-        if (cause, family) == _TELEPORT:
-            return abs(magnitude) > _largest_jump_that_passes(measurement)
+        is_jump = (cause, family) == _TELEPORT
         # A fault larger than the limit would have exceeded it.
-        return abs(magnitude) > measurement.limit
+        return abs(magnitude) > (_largest_jump_that_passes(measurement) if is_jump else measurement.limit)
     return False
 
 
