@@ -273,8 +273,6 @@ wheel: $(TOOLS)/.ready
 test: export OMP_NUM_THREADS = 1
 test: export OPENBLAS_NUM_THREADS = 1
 test: export LP_NUM_THREADS = 1
-# A thread of a parallel loop that waits for the next one sleeps: several processes share the cores.
-test: export OMP_WAIT_POLICY = PASSIVE
 # Some tests wait for a limit of time, a browser or a process: one process more than cores keeps the cores busy.
 TEST_PROCESSES ?= $(shell $(PYTHON) -c 'import os; print(1 + (os.cpu_count() or 1))')
 # Types are checked in one process; other cores compile meanwhile.

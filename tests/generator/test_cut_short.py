@@ -49,7 +49,7 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CutShort]:
         (base / name).mkdir()
         asked.append([often, str(base / name), arguments])
     command = [sys.executable, "-m", "tests.generator.cut_short"]
-    environment = os.environ | {"NUMBA_THREADING_LAYER": "workqueue", "NUMBA_NUM_THREADS": "1"}  # it can be forked
+    environment = os.environ | {"NUMBA_NUM_THREADS": "1"}  # without threads it can be forked
     done = subprocess.run(
         command, capture_output=True, text=True, check=True, env=environment, timeout=300, input=json.dumps(asked)
     )

@@ -144,7 +144,7 @@ def killed(clean_bytes: bytes, tmp_path_factory: pytest.TempPathFactory) -> Path
         (folder / name / "in").mkdir(parents=True)
         (folder / name / "in" / "clean.h5").write_bytes(clean_bytes)
     command = [sys.executable, "-c", KILLED, str(folder), str(len(WRITTEN)), *ARGUMENTS]
-    can_be_forked = {"NUMBA_THREADING_LAYER": "workqueue", "NUMBA_NUM_THREADS": "1", IN_PROCESS_VARIABLE: "1"}
+    can_be_forked = {"NUMBA_NUM_THREADS": "1", IN_PROCESS_VARIABLE: "1"}
     environment = os.environ | can_be_forked
     subprocess.run(command, capture_output=True, timeout=300, check=True, env=environment)
     return folder
