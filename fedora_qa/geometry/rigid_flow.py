@@ -224,11 +224,13 @@ def rounding_px(
     depth_share = SINGLE_PRECISION + np.maximum(SINGLE_PRECISION, depth_step_m.error_bounds(depths_m) / depths_m)
     rounded, by_depth, by_arithmetic = [], [], []
     for axis, coordinate1, pixel in ((0, X1, columns), (1, Y1, rows)):
-        slope = coordinate1 / Z1
-        f_over_Z1 = K[axis, axis] / Z1
-        # Second and third source of the docstring.
-        by_depth.append(depth_share * (f_over_Z1 * np.abs(motion.t_m[axis] - slope * motion.t_m[2])))
-        by_coordinates = f_over_Z1 * (1 + np.abs(slope)) * reach_m + pixel + K[axis, 2]
+        # A point in the plane of the camera has no flow: its bound is infinite or NaN.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            slope = coordinate1 / Z1
+            f_over_Z1 = K[axis, axis] / Z1
+            # Second and third source of the docstring.
+            by_depth.append(depth_share * (f_over_Z1 * np.abs(motion.t_m[axis] - slope * motion.t_m[2])))
+            by_coordinates = f_over_Z1 * (1 + np.abs(slope)) * reach_m + pixel + K[axis, 2]
         by_arithmetic.append(SINGLE_PRECISION * (_ROUNDINGS * by_coordinates))
         step_px = flow_step_px.component(axis)
         rounded.append(

@@ -21,6 +21,9 @@ Float64 = NDArray[np.float64]
 _PIXELS: Final = 4000
 """Pixels that a shift is fitted to: some hundred lie on smooth surfaces even where most of an image is foliage."""
 
+_SIGNIFICANT: Final = 3.0
+"""Least length of a shift, in its standard errors. Of another fault each field imitates a shift of its own."""
+
 _LINEARISATIONS: Final = 4
 """Fits of a shift about poses that are corrected by the fit before: a correction turns the flow by parts of a pixel."""
 
@@ -83,7 +86,10 @@ def shift_of_field(
     row, column = np.unravel_index(pixels[:: max(1, len(pixels) // _PIXELS)], depth_m.shape)
     places = (column.astype(np.float64), row.astype(np.float64), depths_m[row, column])
     stored_px = flow_px[row, column].astype(np.float64)
-    sigma_px = float(np.nanmedian(rounding_px(K, motion, *places, stored_px, lens=lens)))
+    bounds_px = rounding_px(K, motion, *places, stored_px, lens=lens)
+    if not np.isfinite(bounds_px).any():
+        return None
+    sigma_px = float(np.median(bounds_px[np.isfinite(bounds_px)]))
     covariance = field_covariance(track, interval, window.facts.declared.pose)
     # S = L L^T: a twist of covariance S is L times independent variables.
     eigenvalues, directions = np.linalg.eigh(np.zeros((0, 0)) if covariance is None else covariance)
@@ -103,7 +109,7 @@ def shift_of_field(
 
 
 def common_shift(shifts: Sequence[FieldShift]) -> FlowParameterFit | None:
-    """Return the weighted mean shift of some fields; None without fields.
+    """Return the weighted mean shift of some fields; None without fields, and where they do not share one.
 
     Whether flow was resampled is the same in all fields: what that changes does not decrease with their number, and
     counts as a standard error. Fields that scatter by more than their own errors enlarge it.
@@ -127,6 +133,8 @@ def common_shift(shifts: Sequence[FieldShift]) -> FlowParameterFit | None:
     size_px = float(np.copysign(length_px, shift_px[np.argmax(np.abs(shift_px))]))
     # The variance along the shift: d^T C d / |d|^2.
     error_px = float(np.sqrt(shift_px @ covariance_px2 @ shift_px)) / length_px if length_px > 0 else 0.0
+    if length_px <= _SIGNIFICANT * error_px:
+        return None
     return FlowParameterFit(
         "spatial_offset",
         size_px,
