@@ -19,7 +19,7 @@
 #   make study-composites  25 pairs of faults in one sequence: are both named? docs/named-composites.md; some minutes
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-foreign  correct files as others make them, 70 kinds: docs/foreign.md; hours
-#   make study-named-foreign  faults of real pipelines, 238 kinds by code of their own: found, and named? docs/named-foreign.md; hours
+#   make study-named-foreign  faults of real pipelines, 283 kinds by code of their own: found, and named? docs/named-foreign.md; hours
 #   make study-real-data PATHS='...'  samples of real data that are on this machine: printed, for docs/real-data.md; some minutes
 #   make study-blind-spots  real faults of three scenes, from which size they are found: printed, for docs/blind-spots.md; some minutes
 #   make study-trade  what each effort costs, and what it finds: docs/trade.md; an hour
