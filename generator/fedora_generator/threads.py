@@ -9,6 +9,7 @@ import numba
 Result = TypeVar("Result")
 
 NUMBA_CONFIG: Final[Any] = numba.config
+"""Settings that Numba reads from the environment; without types."""
 
 
 def thread_count() -> int:
