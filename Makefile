@@ -94,8 +94,7 @@ bench-imu: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.inertial_limits
 
 docs: $(READY)
-	$(BIN)/python -m fedora_qa.cli.check_pages docs/checks
-	$(BIN)/python -m fedora_qa.cli.schema_files
+	$(BIN)/python -m fedora_qa.cli.generated_files docs/checks
 
 study-causes: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.named_causes --fresh

@@ -16,8 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from fedora_qa.api.check import check, read_record
-    from fedora_qa.api.checked import CheckedRecord
+    from fedora_qa.api.check import CheckedRecord, check, read_record
     from fedora_qa.api.compare import ComparedSubjects, compare
     from fedora_qa.api.explain import ExplainedChecks, explain
     from fedora_qa.api.gate import gate
@@ -48,7 +47,7 @@ __all__ = [
 ]
 
 _HOMES: Final = {
-    "CheckedRecord": "fedora_qa.api.checked",
+    "CheckedRecord": "fedora_qa.api.check",
     "ComparedSubjects": "fedora_qa.api.compare",
     "ExplainedChecks": "fedora_qa.api.explain",
     "MeasuredStatistics": "fedora_qa.api.stats",

@@ -4,7 +4,11 @@ from collections.abc import Collection, Iterable
 
 from fedora_qa.checks.explanation import Explanation, published_explanations
 from fedora_qa.errors import MisuseError, did_you_mean
-from fedora_qa.subjects import subject_of
+
+
+def subject_of(name: str) -> str:
+    """Return the subject of a check ``<subject>.<property>``; of a subject, itself."""
+    return name.split(".", maxsplit=1)[0]
 
 
 def check_names() -> tuple[str, ...]:

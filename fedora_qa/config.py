@@ -30,7 +30,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, TypeVar
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from fedora_qa.errors import MisuseError, did_you_mean
-from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
+from fedora_qa.judgement.verdict import DEFAULT_FALSE_ALARM_RATE
 
 T = TypeVar("T")
 

@@ -10,10 +10,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from fedora_generator.faults import plant_fault
+from fedora_qa.engine.executor import OpenFile, Worker
 from fedora_qa.engine.kernel_groups import listed_groups
 from fedora_qa.engine.kernels import compile_group
-from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.engine.worker import OpenFile, Worker
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from tests.support.handmade import write_handmade
 from tests.support.sequences import CLEAN_PART_S, make_sequence
 

@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import get_args
 
 from fedora_qa.api.options import AnyPath, folder_texts, path_text, require_choice
-from fedora_qa.cli.commands.compare import DEFAULT_FALSE_ALARM_RATE
+from fedora_qa.cli.commands import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.cli.compare import read_sources, sources_of
-from fedora_qa.cli.html import render_comparison_or_none
+from fedora_qa.cli.outputs import render_comparison_or_none
 from fedora_qa.cli.stats import reading_of
 from fedora_qa.comparison.compare import compare as compare_subjects
-from fedora_qa.comparison.conclusions import conclusions_of
 from fedora_qa.comparison.paper_tables import paper_tables
-from fedora_qa.comparison.tables import false_alarm_sentence, headline, pair_tables
+from fedora_qa.comparison.tables import conclusions_of, false_alarm_sentence, headline, pair_tables
 from fedora_qa.comparison.types import COMPARISON, Comparison, Design
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import split_choice

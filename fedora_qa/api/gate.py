@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from os import fspath
 from pathlib import Path
 
-from fedora_qa.api.checked import CheckedRecord, with_arrays
+from fedora_qa.api.check import CheckedRecord, with_arrays
 from fedora_qa.api.options import AnyPath, folder_texts
 from fedora_qa.cli.gate import gate_release, plan_gate, require_disk
 from fedora_qa.cli.outputs import Outputs

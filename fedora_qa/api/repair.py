@@ -8,7 +8,7 @@ from fedora_qa.api.options import AnyPath, folder_texts, path_text, settings_of
 from fedora_qa.cli.repair import repair_lines, require_writable
 from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import check_options
-from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.options import Effort
 from fedora_qa.engine.progress import quiet
 from fedora_qa.errors import MisuseError
 from fedora_qa.judgement.materiality import Profile

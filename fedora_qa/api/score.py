@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import get_args
 
 from fedora_qa.api.options import AnyPath, folder_texts, path_text, require_choice
-from fedora_qa.cli.html import render_score_or_none
+from fedora_qa.cli.outputs import render_score_or_none
 from fedora_qa.cli.score import require_readable, scored_isolated
 from fedora_qa.cli.settings import external_folders
 from fedora_qa.layout.dialect import load_choice

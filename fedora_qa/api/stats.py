@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fedora_qa.api.checked import frame_of
+from fedora_qa.api.check import frame_of
 from fedora_qa.api.options import AnyPath, folder_texts, path_text
 from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.cli.stats import NOTES, measured_file, reading_of, tables_of, tables_to_markdown

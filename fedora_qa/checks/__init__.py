@@ -1,1 +1,1 @@
-"""The checks, one file each: checks/<subject>/<property>.py. ``fedora_qa/subjects/`` lists them in their order."""
+"""The checks, one file each: checks/<subject>/<property>.py. ``fedora_qa/catalogue.py`` lists them in their order."""

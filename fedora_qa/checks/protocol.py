@@ -11,7 +11,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.sensitivity import SensitivityRange
+from fedora_qa.estimators.fitting.robust import SensitivityRange
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Severity, Where
 from fedora_qa.sequence.facts import Facts

@@ -1,9 +1,15 @@
-"""The arrays beside a record: one compressed file, written entirely or not at all, never unpickled."""
+"""The arrays of evidence on disk: in one compressed file beside a record, or put aside while others are checked.
 
+The file beside a record is written entirely or not at all, and never unpickled.
+"""
+
+import os
+import weakref
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, Final
 
 import numpy as np
@@ -61,3 +67,64 @@ def read_arrays(path: Path, beginnings: tuple[str, ...] = ("",)) -> dict[str, ND
     # MemoryError as well: a damaged header may state a shape that no memory holds.
     except (OSError, ValueError, MemoryError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as problem:
         raise MisuseError(f"Expected the evidence of the record at {path}, got a damaged file: {problem}") from None
+
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+class ArrayStore:
+    """A temporary file without a name: the system removes it with the process, whatever ends that."""
+
+    def __init__(self) -> None:
+        # It lives as long as the store, to which the arrays refer; no block of code begins and ends with it.
+        self._file = TemporaryFile()  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
+
+    def put(self, arrays: Arrays) -> "StoredArrays":
+        """Write arrays to the end of the file, and return them as a mapping that reads each when it is asked for.
+
+        Raises
+        ------
+        ValueError
+            An array holds Python objects.
+        """
+        places: dict[str, int] = {}
+        self._file.seek(0, os.SEEK_END)
+        for name, array in arrays.items():
+            places[name] = self._file.tell()
+            np.lib.format.write_array(self._file, np.asanyarray(array), allow_pickle=False)
+        return StoredArrays(self, places)
+
+    def read(self, place: int) -> NDArray[Any]:
+        """Return the array that begins at a place of the file, bytes."""
+        self._file.seek(place)
+        array: NDArray[Any] = np.lib.format.read_array(self._file, allow_pickle=False)
+        return array
+
+
+class StoredArrays(Mapping[str, NDArray[Any]]):
+    """Arrays of a store, by name.
+
+    Parameters
+    ----------
+    store
+        Holds the arrays.
+    places
+        Where each begins in its file, bytes.
+    """
+
+    def __init__(self, store: ArrayStore, places: Mapping[str, int]) -> None:
+        self._store = store
+        self._places = places
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Read an array."""
+        return self._store.read(self._places[name])
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names, in the order in which the arrays were put."""
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        """Return how many arrays there are."""
+        return len(self._places)

@@ -15,12 +15,19 @@ from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import HDF5_SUFFIXES, require_hdf5
 from fedora_qa.cli.stats import Reading, measured_file, reading_of
 from fedora_qa.comparison.compare import compare as compare_subjects
-from fedora_qa.comparison.conclusions import conclusions_of
-from fedora_qa.comparison.distributions import sampled_counts_of
 from fedora_qa.comparison.paper_tables import paper_tables
-from fedora_qa.comparison.subjects import FileInput, KeptArrays, SharedEvidence, SubjectInput, labels, shared_files
+from fedora_qa.comparison.subjects import (
+    FileInput,
+    KeptArrays,
+    SharedEvidence,
+    SubjectInput,
+    labels,
+    sampled_counts_of,
+    shared_files,
+)
 from fedora_qa.comparison.tables import (
     comparison_to_markdown,
+    conclusions_of,
     false_alarm_sentence,
     headline,
     pair_tables,

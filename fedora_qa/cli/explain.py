@@ -11,7 +11,7 @@ from fedora_qa.causes import CAUSES
 from fedora_qa.check_names import require_check_names
 from fedora_qa.checks.explanation import Explanation, published_explanations
 from fedora_qa.cli.console import stdout_console
-from fedora_qa.cli.parameters import complete_explained
+from fedora_qa.cli.options import complete_explained
 
 
 @click.command()

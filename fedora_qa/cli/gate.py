@@ -1,4 +1,4 @@
-"""``fedora-qa gate``: check the sequences of a release, and judge them and the release by a policy, for CI."""
+"""``fedora-qa gate``: check a release by a policy, for CI. ``verify``: compare it with its certificate."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,9 +9,9 @@ from typing import Any
 import click
 from numpy.typing import NDArray
 
-from fedora_qa.cli.array_store import ArrayStore
-from fedora_qa.cli.check_all import Request, check_all, executor_for
-from fedora_qa.cli.exit_codes import CLEAN, exit_code
+from fedora_qa.cli.arrays import ArrayStore
+from fedora_qa.cli.check import Request, check_all, executor_for
+from fedora_qa.cli.exit_codes import CLEAN, FINDINGS, exit_code
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.sequences import sequences_of
@@ -20,8 +20,8 @@ from fedora_qa.cli.summary import Detail, print_record
 from fedora_qa.engine.options import FileRun
 from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.options import EvidenceOptions
-from fedora_qa.gating.baseline import Baseline, baseline_of
-from fedora_qa.gating.certificate import certificate_of, write_certificate
+from fedora_qa.gating.acceptance import Baseline, baseline_of
+from fedora_qa.gating.certificate import certificate_of, differences, read_certificate, write_certificate
 from fedora_qa.gating.contents import contents_of
 from fedora_qa.gating.policy import Policy, read_policy
 from fedora_qa.gating.release import Release, find_release
@@ -30,6 +30,7 @@ from fedora_qa.gating.verdict import Judgement, judge_release, release_record
 from fedora_qa.layout.dialect import load_choice, split_choice
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import Record
+from fedora_qa.record.wording import unobeyed
 from fedora_qa.storage.digest import whole_digest
 from fedora_qa.storage.place import Place, RemoteFile
 
@@ -198,3 +199,19 @@ def gate_release(
     release_results = release_results_of(policy, release, files, contents, digests)
     record = judge_release(record, release, release_results, Judgement(policy, plan.baseline, now.date()))
     return GatedRelease(plan, record, evidence_arrays(runs), digests)
+
+
+def run_verify(certificate_path: Path, folder: Path) -> int:
+    """Run the command and return its exit code."""
+    certificate = read_certificate(certificate_path)
+    # The day in UTC, as in `gate`: whether a waiver has expired must not depend on the time zone.
+    deviations = differences(certificate, folder, datetime.now(UTC).date())
+    for difference in deviations:
+        click.echo(f"differs: {unobeyed(difference)}")
+    if deviations:
+        return FINDINGS
+    click.echo(
+        f"{len(certificate.files)} sequences and {len(certificate.documents)} documents are as certified on "
+        f"{unobeyed(certificate.issued)} by {unobeyed(certificate.tool.name)} {unobeyed(certificate.tool.version)}"
+    )
+    return CLEAN

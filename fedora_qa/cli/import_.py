@@ -10,12 +10,10 @@ from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.engine.executor import Task
-from fedora_qa.engine.worker import Worker
-from fedora_qa.importing.recognise import recognise
+from fedora_qa.engine.executor import Task, Worker
 from fedora_qa.importing.recording import Kind, Resolution
-from fedora_qa.importing.ros_topics import load_topics
-from fedora_qa.importing.run import Imported, ImportOptions, import_recording
+from fedora_qa.importing.ros_bag import load_topics
+from fedora_qa.importing.run import Imported, ImportOptions, import_recording, recognise
 from fedora_qa.record.atomic import staging_path
 from fedora_qa.record.wording import unobeyed
 

@@ -12,15 +12,14 @@ from pathlib import Path
 
 from numba.core.dispatcher import Dispatcher
 
-from fedora_qa.catalogue import CHECKS
-from fedora_qa.engine.executor import Task
+from fedora_qa.catalogue import all_checks
+from fedora_qa.engine.executor import Task, Worker
 from fedora_qa.engine.kernel_groups import KERNELS_PATH, KernelGroup
 from fedora_qa.engine.kernels import kernel_of, text_of
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
-from fedora_qa.engine.run import check_file
-from fedora_qa.engine.worker import Worker
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.atomic import write_text
 
 Called = frozenset[tuple[str, str, str]]
@@ -76,7 +75,7 @@ def list_kernels(paths: Sequence[Path]) -> tuple[KernelGroup, ...]:
     return groups_of(
         {
             subject: [_called_alone(path, subject) for path in paths]
-            for subject in sorted({check.name.split(".")[0] for check in CHECKS})
+            for subject in sorted({check.name.split(".")[0] for check in all_checks()})
         }
     )
 

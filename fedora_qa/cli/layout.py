@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fedora_qa.cli.console import stdout_console, text
-from fedora_qa.cli.isolated_light import run_isolated_light
+from fedora_qa.cli.isolated import run_isolated_light
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import external_folders
@@ -26,7 +26,7 @@ from fedora_qa.layout.resolve import resolve, unrecognised
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.wording import number
 from fedora_qa.storage.folder import list_files
-from fedora_qa.storage.opening_limit import opening_limit_s
+from fedora_qa.storage.signature import opening_limit_s
 
 _LONGEST_S: Final = 20.0
 """Usual limit of time by the clock, s; a file of ten thousand objects takes a few seconds."""

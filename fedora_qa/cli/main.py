@@ -17,28 +17,27 @@ from click.shell_completion import shell_complete
 
 from fedora_qa import __version__
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
-from fedora_qa.cli.lazy_group import LazyGroup
-from fedora_qa.cli.startup import START_TIME, preload_workers
+from fedora_qa.cli.startup import START_TIME, LazyGroup, preload_workers
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
 from fedora_qa.record.wording import unobeyed
 
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
-        "check": ("commands.check:check", "Check files and report what is wrong, where, by how much and why."),
-        "power": ("commands.power:power", "Measure which faults of a corpus the checks detect."),
-        "gate": ("commands.gate:gate", "Check a release of sequences against a policy, for CI."),
-        "verify": ("commands.verify:verify", "Verify that a release is still the one that was certified."),
-        "stats": ("commands.stats:stats", "Print the sequence and flow tables of files."),
-        "compare": ("commands.compare:compare", "Compare sequences, datasets or two versions of a release."),
-        "score": ("commands.score:score", "Score predictions of flow, depth or pose against a sequence."),
-        "extract": ("commands.extract:extract", "Cut out the smallest file that shows a finding."),
-        "repair": ("commands.repair:repair", "Write a copy in which confirmed faults are undone."),
-        "import": ("commands.import_:import_", "Write a canonical file from a recording of an event camera."),
-        "export": ("commands.export:export", "Write a sequence in a layout of others: a trajectory, a folder."),
-        "report": ("commands.report:report", "Render a record again, without the data."),
+        "check": ("commands:check", "Check files and report what is wrong, where, by how much and why."),
+        "power": ("commands:power", "Measure which faults of a corpus the checks detect."),
+        "gate": ("commands:gate", "Check a release of sequences against a policy, for CI."),
+        "verify": ("commands:verify", "Verify that a release is still the one that was certified."),
+        "stats": ("commands:stats", "Print the sequence and flow tables of files."),
+        "compare": ("commands:compare", "Compare sequences, datasets or two versions of a release."),
+        "score": ("commands:score", "Score predictions of flow, depth or pose against a sequence."),
+        "extract": ("commands:extract", "Cut out the smallest file that shows a finding."),
+        "repair": ("commands:repair", "Write a copy in which confirmed faults are undone."),
+        "import": ("commands:import_", "Write a canonical file from a recording of an event camera."),
+        "export": ("commands:export", "Write a sequence in a layout of others: a trajectory, a folder."),
+        "report": ("commands:report", "Render a record again, without the data."),
         "checks": ("explain:checks", "List the checks, each with its question."),
         "explain": ("explain:explain", "Explain a check and what it cannot detect, or a cause."),
-        "layout": ("commands.layout:layout", "Describe what a file holds, where, and what was inferred."),
+        "layout": ("commands:layout", "Describe what a file holds, where, and what was inferred."),
         "schema": ("schema:schema", "Print the JSON schema of a document or configuration."),
         "doctor": ("doctor:doctor", "Test whether this machine can run the checks."),
     }

@@ -1,28 +1,184 @@
-"""What commands write: refused before the work if it cannot be written, and never written in part."""
+"""What commands write: refused before the work if it cannot be written, and never written in part.
 
+``fedora_reports`` and pyarrow are optional packages, imported only where a report or Parquet is requested.
+"""
+
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from numpy.typing import NDArray
 from rich.console import Console
 
+from fedora_qa.causes import CAUSES
+from fedora_qa.checks.explanation import Explanation, published_explanations
 from fedora_qa.cli.arrays import arrays_beside, write_arrays
 from fedora_qa.cli.console import stderr_console, stdout_console
 from fedora_qa.cli.documents import STDOUT, write_document
-from fedora_qa.cli.html import render_record, require_renderer
-from fedora_qa.cli.parquet import PARQUET_NAMES, require_parquet, write_parquet
-from fedora_qa.cli.rule_help import rule_helps
+from fedora_qa.cli.markdown import markdown_of
+from fedora_qa.cli.published_studies import fault_price_text, fault_price_texts, pass_detection_power
+from fedora_qa.comparison.types import Comparison
+from fedora_qa.diagnosis.direct import is_direct
 from fedora_qa.errors import MisuseError
-from fedora_qa.record.badge import record_to_badge
-from fedora_qa.record.csv_tables import CSV_NAMES, record_to_csv
+from fedora_qa.record.atomic import replacing
+from fedora_qa.record.ci import record_to_badge, record_to_junit
 from fedora_qa.record.json_io import record_parts
-from fedora_qa.record.junit import record_to_junit
 from fedora_qa.record.markdown import record_to_markdown
-from fedora_qa.record.sarif import record_to_sarif
+from fedora_qa.record.sarif import RuleHelp, record_to_sarif
+from fedora_qa.record.tables import CSV_NAMES, TABLE_NAMES, Kind, Table, record_to_csv, tables_of
 from fedora_qa.record.types import FileRecord, Record
+from fedora_qa.scoring.types import Score
+
+
+def require_renderer() -> None:
+    """Raise ``MisuseError`` where ``fedora_reports`` is not installed."""
+    try:
+        from fedora_reports import html  # noqa: F401, PLC0415 - an extra
+    except ImportError as missing:
+        raise MisuseError(
+            f"Expected what draws reports, got: {missing}; install it with pip install 'fedora-qa[reports]'"
+        ) from None
+
+
+def render_html_or_none(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str | None:
+    """Draw the report from a record and its arrays; None where ``fedora_reports`` is not installed."""
+    try:
+        from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
+    except ImportError:
+        return None
+    return render_html(record, arrays)
+
+
+def render_comparison_or_none(comparison: Comparison) -> str | None:
+    """Draw the report of a comparison; None where ``fedora_reports`` is not installed."""
+    try:
+        from fedora_reports.comparison import render_comparison  # noqa: PLC0415 - an extra
+    except ImportError:
+        return None
+    return render_comparison(comparison)
+
+
+def render_score_or_none(score: Score) -> str | None:
+    """Draw the page of a score; None where ``fedora_reports`` is not installed."""
+    try:
+        from fedora_reports.score import render_score  # noqa: PLC0415 - an extra
+    except ImportError:
+        return None
+    return render_score(score)
+
+
+def render_record(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Draw the report from a record and its arrays, with the detection power that was measured."""
+    from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
+
+    return render_html(record, arrays, pass_detection_power(), fault_price_texts())
+
+
+PARQUET_NAMES: Final = tuple(f"{name}.parquet" for name in TABLE_NAMES)
+"""The files that hold the tables."""
+
+
+def require_parquet() -> None:
+    """Raise ``MisuseError`` where pyarrow, which writes Parquet, is not installed."""
+    try:
+        import pyarrow.parquet  # noqa: F401, PLC0415 - an extra
+    except ImportError as missing:
+        raise MisuseError(
+            f"Expected what writes Parquet, got: {missing}; install it with pip install 'fedora-qa[parquet]'"
+        ) from None
+
+
+def write_parquet(folder: Path, record: Record) -> None:
+    """Write each table of a record into a folder, each file entirely or not at all."""
+    import pyarrow.parquet  # noqa: PLC0415 - an extra
+
+    for name, table in zip(PARQUET_NAMES, tables_of(record), strict=True):
+        with replacing(folder / name) as temporary:
+            pyarrow.parquet.write_table(arrow_table(table), temporary)
+
+
+def arrow_table(table: Table) -> Any:
+    """Return a table as a ``pyarrow.Table``: every column of one type, unknown values null.
+
+    A column of scalars of any type becomes two: its numbers, and under ``<name>_text`` what is no number.
+    """
+    import pyarrow as pa  # noqa: PLC0415 - an extra
+
+    types: dict[Kind, Any] = {
+        "text": pa.string(),
+        "texts": pa.list_(pa.string()),
+        "integer": pa.int64(),
+        "integers": pa.list_(pa.int64()),
+        "number": pa.float64(),
+    }
+    arrays: dict[str, Any] = {}
+    for place, column in enumerate(table.columns):
+        cells = [_arrow_value(row[place]) for row in table.rows]
+        # An Arrow column has one type; a statistic may be a number, a text or a flag.
+        if column.kind == "scalar":
+            arrays[column.name] = pa.array([cell if _is_number(cell) else None for cell in cells], types["number"])
+            # Flags as JSON has them: true, false.
+            texts = [str(cell).lower() if isinstance(cell, bool) else cell for cell in cells]
+            arrays[f"{column.name}_text"] = pa.array(
+                [cell if isinstance(cell, str) else None for cell in texts], types["text"]
+            )
+        else:
+            arrays[column.name] = pa.array(cells, types[column.kind])
+    return pa.table(arrays)
+
+
+def _arrow_value(value: Any) -> Any:
+    """Return a cell as Arrow can carry it, and as the record's JSON does.
+
+    A number that is not finite is null, an undecodable byte of a path an escape.
+    """
+    if isinstance(value, str):
+        return value.encode("utf-8", "backslashreplace").decode("utf-8")
+    if isinstance(value, tuple):
+        return [_arrow_value(item) for item in value]
+    return None if _is_number(value) and not math.isfinite(value) else value
+
+
+def _is_number(value: Any) -> bool:
+    # bool is a subclass of int; as numbers, flags would become 0 and 1.
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+_NAMED_IN_RESULTS = "The message of a result names the probable cause and its remedy, where there is one."
+
+
+def rule_helps() -> Mapping[str, RuleHelp]:
+    """Return the help of the rules of every check, by the name of the check."""
+    return {explained.check: _help_of(explained) for explained in published_explanations()}
+
+
+def _help_of(explained: Explanation) -> RuleHelp:
+    """Return what a check measures, why it matters, what it cannot detect, and what to do."""
+    price = "\n".join(f"- {line}" if line else "" for line in fault_price_text(explained.check).splitlines()[:-1])
+    sections = {
+        "What is checked": explained.measured,
+        "Why it matters": "\n\n".join(filter(None, (explained.sections["Why it matters"], price))),
+        "What it cannot detect": explained.sections["Cannot detect"],
+        "What to do": "\n".join([*_remedies(explained.check), _NAMED_IN_RESULTS]),
+    }
+    text = "\n\n".join(f"{title}\n{section}" for title, section in sections.items()).replace("``", "")
+    markdown = "\n\n".join(f"## {title}\n\n{markdown_of(section)}" for title, section in sections.items())
+    return RuleHelp(
+        description=explained.measured.replace("``", ""),
+        text=f"{explained.question}\n\n{text}",
+        markdown=f"**{markdown_of(explained.question)}**\n\n{markdown}",
+    )
+
+
+def _remedies(check: str) -> list[str]:
+    """Return the remedies of the causes that a check measures directly, as a list of Markdown and a blank line."""
+    causes = [cause for cause in CAUSES.values() if is_direct(cause.identifier, f"{check}.rule")]
+    items = [f"- {cause.meaning[0].upper()}{cause.meaning[1:]}: {cause.remedy}" for cause in causes]
+    return [*items, ""] if items else []
 
 
 @dataclass(frozen=True, slots=True)

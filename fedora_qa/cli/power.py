@@ -9,8 +9,7 @@ from typing import Any
 from fedora_qa.cli.console import print_table, text
 from fedora_qa.cli.documents import write_document
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
-from fedora_qa.cli.html import require_renderer
-from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.outputs import Outputs, require_renderer
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.settings import check_options, settings_from, with_jobs
 from fedora_qa.errors import MisuseError
@@ -19,8 +18,7 @@ from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, req
 from fedora_qa.power.study import State, Trial, measured_with, run_study, state_folder
 from fedora_qa.power.tables import Origin, power_of
 from fedora_qa.record.atomic import write_text
-from fedora_qa.record.power_tables import headline, power_to_markdown, tables_of
-from fedora_qa.record.power_types import POWER
+from fedora_qa.record.power_study import POWER, headline, power_to_markdown, tables_of
 
 
 def run_power(

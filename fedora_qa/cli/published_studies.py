@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from fedora_qa.power.detection_power import DetectableCause as MeasuredCause
 from fedora_qa.power.detection_power import DetectionPower, read_detection_power
-from fedora_qa.record.power_tables import estimate_words, share_words
+from fedora_qa.record.power_study import estimate_words, share_words
 from fedora_qa.scoring.fault_prices import FaultPrice, FaultPrices, read_fault_prices
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from fedora_qa.cli.host import host_facts, peak_memory_mib
 from fedora_qa.config import RULESET_VERSION, CheckConfig
 from fedora_qa.engine.options import FileRun
 from fedora_qa.record.types import RECORD_VERSION, Record, Run, Scalar, Tool
-from fedora_qa.storage.traffic import NO_TRAFFIC
+from fedora_qa.storage.server import NO_TRAFFIC
 
 
 def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, facts: Mapping[str, Scalar]) -> Record:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.folder import list_files
 from fedora_qa.storage.place import Place, RemoteFile
-from fedora_qa.storage.prefix import list_objects
+from fedora_qa.storage.server import list_objects
 from fedora_qa.storage.signature import require_signature
 
 if TYPE_CHECKING:  # commands that are given no folder load no HDF5 here

@@ -12,8 +12,8 @@ from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
 from fedora_qa.config import JOB_MEMORY_BYTES, LEAST_JOB_MEMORY_BYTES, CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.errors import MisuseError
+from fedora_qa.storage.folder import local_version
 from fedora_qa.storage.place import Place
-from fedora_qa.storage.version import local_version
 
 if TYPE_CHECKING:  # the process that distributes the work loads no measuring code
     from fedora_qa.layout.dialect import DialectChoice

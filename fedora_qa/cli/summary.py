@@ -1,23 +1,28 @@
-"""The summary in the terminal after a check: checks, findings, causes with remedies, and last the verdict.
+"""The summary in the terminal after a check; ``fedora-qa report``, which shows a stored record again.
 
-What a reader needs first stands last, where a terminal shows it without scrolling.
+Checks, findings, causes with remedies, and last the verdict: what a reader needs first stands last, where a terminal
+shows it without scrolling.
 """
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final, Literal
+from pathlib import Path
+from typing import Any, Final, Literal
 
 import click
+from numpy.typing import NDArray
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from fedora_qa.cli.arrays import arrays_beside, read_arrays
 from fedora_qa.cli.console import text
 from fedora_qa.cli.outputs import Outputs
-from fedora_qa.record.github import record_to_github, silenced
-from fedora_qa.record.several_files import gravest_verdict
-from fedora_qa.record.types import Diagnosis, FileRecord, Outcome, Record, Result, Severity, Verdict
+from fedora_qa.errors import MisuseError
+from fedora_qa.record.ci import record_to_github, silenced
+from fedora_qa.record.json_io import read_record
+from fedora_qa.record.types import Diagnosis, FileRecord, Outcome, Record, Result, Severity, Verdict, gravest_verdict
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
     basis_of_clean,
@@ -32,6 +37,7 @@ from fedora_qa.record.wording import (
     reasons,
     status_sentence,
     tally,
+    unobeyed,
     why_incomplete,
 )
 
@@ -263,3 +269,20 @@ def _folded_checks(results: Sequence[Result], width: int) -> Iterator[Renderable
 
 def _outcome(result: Result) -> Text:
     return Text(OUTCOME_WORDS[result.outcome], style=OUTCOME_STYLES[result.outcome])
+
+
+def run_report(record_path: Path, outputs: Outputs, detail: Detail) -> int:
+    """Run the command and return its exit code."""
+    # The record and its arrays are inputs, even where no picture is drawn from them.
+    outputs.require_writable([record_path, arrays_beside(record_path)])
+    record = read_record(record_path)
+    arrays: Mapping[str, NDArray[Any]] = {}
+    if outputs.html and any(file.evidence for file in record.files):
+        try:
+            arrays = read_arrays(arrays_beside(record_path))
+        except MisuseError as problem:
+            # A warning, not misuse: verdict, findings and tables need no arrays.
+            click.echo(f"fedora-qa: {unobeyed(str(problem))}; the report is drawn without pictures", err=True)
+    outputs.write(record, arrays)
+    print_record(record, outputs, detail)
+    return 0

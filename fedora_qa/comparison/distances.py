@@ -17,9 +17,11 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.comparison.distributions import (
+from fedora_qa.comparison.subjects import (
     Float64,
     Int64,
+    SubjectInput,
+    matches,
     mean_of,
     paired_blocks,
     shares_of,
@@ -27,7 +29,6 @@ from fedora_qa.comparison.distributions import (
     wasserstein,
     without_empty_ends,
 )
-from fedora_qa.comparison.subjects import SubjectInput, matches
 from fedora_qa.comparison.types import Conclusion, Design, Difference
 
 _NOUNS: Final[dict[Design, str]] = {

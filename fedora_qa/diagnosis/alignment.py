@@ -9,9 +9,8 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, EventEdges
-from fedora_qa.diagnosis.centre_conventions import hypotheses_of_conventions
-from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.support import support
+from fedora_qa.diagnosis.hypothesis import Hypothesis, support
+from fedora_qa.diagnosis.measured_sizes import hypotheses_of_conventions
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts

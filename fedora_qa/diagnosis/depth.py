@@ -16,10 +16,14 @@ from fedora_qa.checks.depth.parameters import ResidualReduction
 from fedora_qa.checks.depth.range import RANGE_ROUNDING, DepthExtent
 from fedora_qa.checks.depth.scale import PathScale
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.diagnosis.convention_trials import most_probable, support_of_extent
-from fedora_qa.diagnosis.features import only_feature
-from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
-from fedora_qa.diagnosis.support import support
+from fedora_qa.diagnosis.hypothesis import (
+    ANY_CAUSE,
+    Hypothesis,
+    most_probable,
+    only_feature,
+    support,
+    support_of_extent,
+)
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.depth_conventions import Extent, PairTrials, Transform

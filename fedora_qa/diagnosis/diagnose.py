@@ -17,21 +17,20 @@ from typing import Final
 
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.diagnosis.candidates import CONTENDS, FITS, UNKNOWN, CauseCandidate, gather_candidates
-from fedora_qa.diagnosis.coincidence import ClockPlace
 from fedora_qa.diagnosis.conclusion import (
     Trials,
+    UndoTrial,
     clears_by_chance,
+    confidence_of,
     has_evidence,
     is_conclusive,
     is_excluded,
     status_of,
 )
-from fedora_qa.diagnosis.confidence import confidence_of
 from fedora_qa.diagnosis.direct import check_of_code, clears_by_construction, is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
-from fedora_qa.diagnosis.trial import UndoTrial
-from fedora_qa.diagnosis.vetoes import contradicts
+from fedora_qa.diagnosis.vetoes import ClockPlace, contradicts
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis
 

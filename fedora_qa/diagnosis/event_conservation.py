@@ -9,9 +9,8 @@ from typing import Final
 
 from fedora_qa.checks.event_response.conservation import TILE_PX, LoneEventRate, ViolationCluster, Violations
 from fedora_qa.diagnosis.event_response import whose_offset
-from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
-from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.conservation_trials import InverseTrial, Resolution, Transform

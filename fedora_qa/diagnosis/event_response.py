@@ -16,12 +16,9 @@ from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
-from fedora_qa.diagnosis.centre_conventions import hypotheses_of_conventions
-from fedora_qa.diagnosis.coincidence import places_of_clocks
-from fedora_qa.diagnosis.features import only_feature
-from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
-from fedora_qa.diagnosis.support import support
+from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
+from fedora_qa.diagnosis.measured_sizes import hypotheses_of_conventions, rgb_px_per_event_px
+from fedora_qa.diagnosis.vetoes import places_of_clocks
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset, clock_reset

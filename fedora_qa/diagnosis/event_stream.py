@@ -9,9 +9,7 @@ from fedora_qa.checks.event_stream.duplicates import RepeatedEvents
 from fedora_qa.checks.event_stream.gaps import ExpectedEvents
 from fedora_qa.checks.event_stream.rates import HotPixelCount, MovedHotPixels
 from fedora_qa.diagnosis.clocks import hypotheses_of_reset
-from fedora_qa.diagnosis.features import only_feature
-from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.support import support
+from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset

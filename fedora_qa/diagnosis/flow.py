@@ -1,4 +1,4 @@
-"""Hypotheses that all checks of flow share: inverse transforms, and gains that correspond to a cause."""
+"""Hypotheses for flow against events, between its rates and against frames; and what all checks of flow share."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -7,9 +7,13 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.causes import CAUSES
-from fedora_qa.diagnosis.convention_trials import support_of_extent
-from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.support import support
+from fedora_qa.checks.flow_events.sharpness import SharpestFlow
+from fedora_qa.checks.flow_photometric.rate_statistics import RateResidual, TemplateExplanation
+from fedora_qa.checks.flow_rates.composition import COPIES, RatePairsOff
+from fedora_qa.diagnosis.hypothesis import Hypothesis, most_probable, support, support_of_extent, weakened
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial
 
 CAUSES_OF_TRANSFORM: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({
@@ -172,3 +176,187 @@ def gain_hypothesis(
     if -3 < factor < -1 / 3:
         return Hypothesis("flow_sign", flow, removed_share)
     return Hypothesis("flow_gain", flow, removed_share, 100 * gain, "percent", None if error is None else 100 * error)
+
+
+_SHARPNESS_GAIN_TOLERANCE: Final = 0.1
+"""Largest relative difference of a gain from a sign or a unit that counts as such."""
+
+
+def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses for one rate against the events, best supported first."""
+    (sharpest,) = (feature for feature in alarm.statistic.features if isinstance(feature, SharpestFlow))
+    flow = spreads_over(sharpest.rate, sharpest.deviates_by_rate)
+    interval_s = sharpest.interval_s
+    if alarm.finding.code == "flow_events.sharpness.other":
+        # Values in px/s are too large by the reciprocal of the interval, values in px s by the interval.
+        size = {"times_interval": 1 / interval_s, "divided_by_interval": interval_s}.get(sharpest.transform)
+        (cause,) = CAUSES_OF_TRANSFORM[sharpest.transform]
+        return (Hypothesis(cause, flow, support("flow_events.other_flow"), size, "1" if size else ""),)
+    # From percent to a share. The sign of the model error is unknown, so its bound adds to the error.
+    error = 0.01 * (alarm.statistic.standard_error + alarm.statistic.model_error_bound)
+    return (
+        gain_hypothesis(
+            flow, sharpest.gain - 1, error, support("flow_events.gain"), interval_s, _SHARPNESS_GAIN_TOLERANCE
+        ),
+        Hypothesis("intrinsics_focal", flow, support("flow_events.focal_length")),
+        Hypothesis("flow_rate_mixed", flow, support("flow_events.rate_mixed")),
+    )
+
+
+_CAUSES: Final = (
+    "flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
+    "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames", "other_sequence",
+    "time_offset", "intrinsics_focal", "intrinsics_centre", "extrinsic_rotation", "nan_in_stream", "clock_rate",
+    "time_unit", "unsorted", "duplicated_samples",
+)  # fmt: skip
+"""Causes of a deviation between rates, also those whose inverse transform was not tried."""
+
+
+def propose_composition(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses for one pair of rates, best supported first."""
+    rates_off = next((feature for feature in alarm.statistic.features if isinstance(feature, RatePairsOff)), None)
+    if rates_off is None or not rates_off.shares_off[rates_off.pair]:
+        return ()
+    pair, shares_off = rates_off.pair, rates_off.shares_off
+    trials = [feature for feature in alarm.statistic.features if isinstance(feature, ConventionTrial)]
+    # A copy is equal bit for bit in every trial, so its removed share is exactly 1: no tolerance.
+    shares: dict[tuple[str, str], list[float]] = {}
+    for trial in trials:
+        if trial.transform in COPIES:
+            shares.setdefault((trial.stream, trial.transform), []).append(trial.removed_share)
+    copied = {stream for (stream, _), of_transform in shares.items() if min(of_transform) == 1.0}
+    # Transforms with nearly the effect of a copy are then not named.
+    trials = [trial for trial in trials if trial.stream not in copied or trial.transform in COPIES]
+    hypotheses: list[Hypothesis] = []
+    # A deviation between two rates does not determine which one is wrong; a rate that agrees with a third is rarely
+    # wrong.
+    agrees = {rate: any(rate in another and not share for another, share in shares_off.items()) for rate in pair}
+    for rate, other in (pair, pair[::-1]):
+        if agrees[rate]:
+            factor = support("flow_rates.agrees_with_third")
+        else:
+            factor = 1.0 if agrees[other] else support("flow_rates.either_of_two")
+        hypotheses += weakened(convention_hypotheses(rate, trials, rate, share_off=shares_off[pair]), factor)
+    all_off = all(shares_off.values())
+    if all_off:
+        hypotheses += convention_hypotheses("flow", trials, "flow", share_off=shares_off[pair])
+        mixed = {
+            trial.stream for trial in trials if trial.transform == "field_of_another_rate" and trial.removed_share > 0
+        }
+        if len(mixed) > 2:  # of two rates that are exchanged only one holds fields of the other's
+            hypotheses.append(Hypothesis("flow_rate_mixed", "flow", support("flow_rates.every_rate_mixed")))
+    named = most_probable(hypotheses)
+    already_named = {(hypothesis.cause, hypothesis.stream) for hypothesis in named}
+    weak = support("flow_rates.any_disagreement")
+    return named + tuple(
+        Hypothesis(cause, stream, weak)
+        for stream in (("flow", *pair) if all_off else pair)
+        for cause in _CAUSES
+        if (cause, stream) not in already_named
+    )
+
+
+_GAIN_TOLERANCE: Final = 0.1
+"""Largest relative difference, near the capture range, of a gain from a sign or a unit that counts as such."""
+
+_FEW_FIELDS: Final = 0.5
+"""Largest share of deviating fields for a fault of single frames."""
+
+_LARGEST_SHIFT_PX: Final = 10.0
+"""Largest shift, px, for which the slopes of a flow predict its values."""
+
+_MS_PER_PERCENT_OF_S: Final = 10.0
+
+_LINEAR: Final = 1 / 3
+"""Share of the largest size of a fault up to which tiles, with a capture range of 3 to 4 px, follow its template."""
+
+_FAULT_OF_TEMPLATE: Final = MappingProxyType({
+    "focal": ("intrinsics_focal", "percent", 30.0),
+    "centre": ("intrinsics_centre", "px", 100.0),
+    "mounting": ("extrinsic_rotation", "deg", 15.0),
+    "time": ("time_offset", "ms", 50.0),
+})  # fmt: skip
+"""Cause, unit and largest size; beyond it the template, a derivative, does not apply."""
+
+_DISPLACEMENTS: Final = tuple(
+    (cause, stream)
+    for stream, causes in (
+        ("flow", ("flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
+                  "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames",
+                  "time_offset", "other_sequence")),
+        ("rgb", ("mirrored", "spatial_offset", "time_offset", "swapped_frames", "frozen_frames", "other_sequence")),
+    )
+    for cause in causes
+)  # fmt: skip
+"""Causes that displace the flow against the frames: cause and stream."""
+
+
+def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses for one rate against the frames, best supported first."""
+    features = alarm.statistic.features
+    (rate,) = (feature for feature in features if isinstance(feature, RateResidual))
+    flow = spreads_over(rate.rate, rate.deviates_by_rate)
+    by_templates = _template_hypotheses(
+        rate, {feature.template: feature for feature in features if isinstance(feature, TemplateExplanation)}, flow
+    )
+    if not rate.deviating_fields:
+        unknown = Hypothesis("unknown", flow, support("flow_photometric.unknown"))
+        return most_probable(by_templates) or (unknown,)
+    # Faults of single frames do not cause one gain in most fields.
+    deviating_share = 1.0 if rate.has_common_gain else rate.deviating_fields / rate.fields
+    trials = [feature for feature in features if isinstance(feature, ConventionTrial)]
+    by_trials = convention_hypotheses(rate.rate, trials, flow, share_off=deviating_share)
+    if deviating_share <= _FEW_FIELDS:
+        factor = support("flow_photometric.templates_of_few_fields")
+    else:
+        factor = support("flow_photometric.templates_of_most_fields") * (1 - rate.unmatched_share)
+    by_templates = weakened(by_templates, factor)
+    noise = facts.declared.pose
+    if noise and is_noisy(noise):
+        # Noise affects all fields equally; exchanged frames affect few.
+        noisy = support("flow_photometric.noisy_pose") * rate.own_mean_share * rate.chance_of_largest_mean
+        by_templates.append(Hypothesis("flow_from_noisy_pose", flow, noisy))
+    displaced = support("flow_photometric.displacement")
+    displacements = tuple(
+        Hypothesis(cause, flow if stream == "flow" else stream, displaced) for cause, stream in _DISPLACEMENTS
+    )
+    return most_probable([*by_trials, *by_templates]) + displacements
+
+
+def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplanation], flow: str) -> list[Hypothesis]:
+    """Return gain, shift of an image, and faults of the geometry, by their share of what all templates explain."""
+    if rate.explained_share <= 0:
+        return []
+    gain, shift = templates["gain"], templates["shift"]
+    # Relative to what all templates explain together, so that rival supports are on one scale.
+    by_gain, by_shift = gain.explained_share / rate.explained_share, shift.explained_share / rate.explained_share
+    shift_px = _signed_norm(np.array(shift.sizes))
+    if abs(shift_px) > _LARGEST_SHIFT_PX:
+        by_shift = 0.0
+    gain_support = support("flow_photometric.gain") * by_gain
+    hypotheses = [
+        gain_hypothesis(flow, gain.sizes[0], gain.standard_error, gain_support, rate.interval_s, _GAIN_TOLERANCE),
+        Hypothesis("spatial_offset", "rgb", by_shift, shift_px, "px"),
+        # A field moved by -d assigns each pixel the vector of an image moved by d.
+        Hypothesis("spatial_offset", flow, support("flow_photometric.image_shift_of_flow") * by_shift, -shift_px, "px"),
+    ]
+    for name, (cause, unit, largest) in _FAULT_OF_TEMPLATE.items():
+        sizes = np.array(templates[name].sizes)
+        # The template of time is in percent of the interval (1% of 1 s is 10 ms), others in the unit of their cause.
+        scale = _MS_PER_PERCENT_OF_S * rate.interval_s if name == "time" else 1.0
+        size = _signed_norm(scale * sizes)
+        if abs(size) <= _LINEAR * largest:
+            # Occam's razor: each further fitted number explains some of any deviation by chance.
+            simplicity = support("flow_photometric.further_number") ** len(sizes)
+            share = simplicity * templates[name].explained_share / rate.explained_share
+            hypotheses.append(Hypothesis(cause, flow, share, size, unit))
+            if name == "focal":
+                # Frames of a camera that is declared with too short a focal length show larger displacements.
+                of_frames = support("flow_photometric.focal_length_of_frames") * share
+                hypotheses.append(Hypothesis(cause, "metadata", of_frames, size, unit))
+    return hypotheses
+
+
+def _signed_norm(sizes: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    """Return the norm of the components of a fault, with the sign of the largest."""
+    return float(np.copysign(np.linalg.norm(sizes), sizes[np.argmax(np.abs(sizes))]))

@@ -5,13 +5,11 @@ from typing import Final
 from fedora_qa.checks.images.channels import NearestChannelOrder
 from fedora_qa.checks.images.exposure import BrightnessJump, CodesMultiplied
 from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
+from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.images.vignetting import CornerLoss
-from fedora_qa.diagnosis.features import only_feature
-from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
-from fedora_qa.diagnosis.support import support
+from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis, only_feature, support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.transfer_codes import CodesBent
 
 _FLOW_RIVALS_OF_ORDER: Final = (
     "swapped_frames",

@@ -7,9 +7,7 @@ from fedora_qa.checks.integrity.layout import LayoutDefect
 from fedora_qa.checks.integrity.readable import RowsOfOtherForm
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.diagnosis.flow_family import over_all_rates
-from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.support import support
+from fedora_qa.diagnosis.hypothesis import Hypothesis, over_all_rates, support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 

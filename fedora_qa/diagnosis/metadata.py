@@ -4,15 +4,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint
+from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint, RectificationRule
 from fedora_qa.checks.metadata.complete import DeclarationDefect
-from fedora_qa.checks.metadata.rectification import RectificationRule
 from fedora_qa.checks.metadata.units import UnitLabel
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.features import only_feature
-from fedora_qa.diagnosis.flow_family import over_all_rates
-from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.support import support
+from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, over_all_rates, support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import is_flow_stream
 from fedora_qa.sequence.facts import Facts

@@ -10,9 +10,17 @@ import numpy as np
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
+from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
-from fedora_qa.diagnosis.centre_conventions import convention_offsets_px
-from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_vector, measured, rgb_px_per_event_px, vector
+from fedora_qa.diagnosis.measured_sizes import (
+    Results,
+    convention_offsets_px,
+    deviation,
+    flow_vector,
+    measured,
+    rgb_px_per_event_px,
+    vector,
+)
 from fedora_qa.estimators.clocks.regular_clock import DisplacedSegment, displaced_part
 from fedora_qa.faults import (
     axes,
@@ -24,17 +32,15 @@ from fedora_qa.faults import (
     index_maps,
     motion,
     pixels,
-    rectification,
     row_order,
     units,
 )
-from fedora_qa.faults.reversible import Matrix3, ReversibleFault, RowRange, Vector3
+from fedora_qa.faults.fault import Matrix3, ReversibleFault, RowRange, Vector3
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.flow_parameter_fit import FlowParameterFit
-from fedora_qa.views.inertial_features import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
-from fedora_qa.views.transfer_codes import CodesBent
+from fedora_qa.views.flow_comparison import FlowParameterFit
+from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 
 Faults = Iterator[ReversibleFault]
 
@@ -182,8 +188,8 @@ def _exchanged_axes(fit: FittedCause) -> Faults:
     if fit.family in ("events", "flow"):
         yield pixels.SwappedPixelAxes(fit.stream)
     elif fit.stream == "metadata":
-        yield rectification.RectificationAxes()
-        yield rectification.RectificationAxes("pixels")
+        yield axes.RectificationAxes()
+        yield axes.RectificationAxes("pixels")
     else:
         yield from _vector_axes(fit)
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from fedora_qa.checks.protocol import Check, Observation
-from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.measure import PassState, conclude, follow_up, measure, merge, start
+from fedora_qa.engine.options import Effort
 from fedora_qa.engine.plan import cut_windows, make_plan, sampling_of, window_length_ns
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import Prepared, frame_pixels

@@ -1,9 +1,15 @@
 """From the passes over the windows to the record of the file: follow-ups, judgement, evidence, canaries."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from itertools import combinations
+from typing import Any
 
-from fedora_qa.checks.protocol import Observation
+import numpy as np
+
+from fedora_qa.causes import stream_family
+from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.cause_explanation import CauseExplanation
 from fedora_qa.engine.measure import PassState, attempt, conclude, follow_up, merge_all
@@ -11,7 +17,6 @@ from fedora_qa.engine.options import FileRun
 from fedora_qa.engine.outcomes import lost_windows, results_in_order
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.engine.progress import MEASURING, Progress, Stopwatch
-from fedora_qa.engine.stream_agreement import keep_agreement
 from fedora_qa.engine.survey import OpenSurvey, Prepared, Survey
 from fedora_qa.engine.views import SequenceViews
 from fedora_qa.evidence.collector import EvidenceCollector
@@ -24,12 +29,40 @@ from fedora_qa.judgement.judge import judge
 from fedora_qa.judgement.materiality import materiality_of
 from fedora_qa.judgement.places import join_places
 from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of
-from fedora_qa.record.evidence import named
-from fedora_qa.record.types import Canary, FileRecord, Finding
+from fedora_qa.layout.canonical import FRAMES_OF_MAP
+from fedora_qa.record.evidence import AGREEMENT, named
+from fedora_qa.record.types import Canary, FileRecord, Finding, Outcome
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
 from fedora_qa.storage.place import RemoteFile
 from fedora_qa.views.storage_steps import inferred_steps
+
+
+def keep_agreement(checks: Iterable[Check[Any]], outcomes: Mapping[str, Outcome]) -> TitledArrays:
+    """Return numbers of passed and failed checks by pair of streams: the odd stream fails with all others.
+
+    Parameters
+    ----------
+    checks
+        Of the file. A check of three streams counts for each pair of them; all rates of flow are one stream.
+    outcomes
+        By check; those that are neither passed nor failed do not count.
+    """
+    counts: Counter[tuple[str, str, Outcome]] = Counter()
+    for check in checks:
+        # Index maps are no streams: they hold rows of events.
+        streams = sorted({stream_family(stream) for stream in check.needs} - set(FRAMES_OF_MAP))
+        for first, second in combinations(streams, 2):
+            counts[first, second, outcomes.get(check.name, "crashed")] += 1
+    pairs = sorted({(first, second) for first, second, outcome in counts if outcome in ("passed", "failed")})
+    entries = {
+        named(AGREEMENT, first, second): (
+            np.array([counts[first, second, "passed"], counts[first, second, "failed"]]),
+            f"Checks that compare {first} with {second}: passed, failed",
+        )
+        for first, second in pairs
+    }
+    return TitledArrays.titled(entries)
 
 
 def assemble(

@@ -20,21 +20,24 @@ from math import inf
 from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.executor import Executor, Kept, Task
-from fedora_qa.engine.file_work import equal_parts
-from fedora_qa.engine.lost_file import DIED_TWICE, ENDLESS, lost_file
-from fedora_qa.engine.opening import opening_test
-from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.packed_survey import PackedSurvey
+from fedora_qa.engine.executor import (
+    FINISH_FILE,
+    MEASURE_WINDOWS,
+    SURVEY_FILE,
+    TRAFFIC_OF,
+    Executor,
+    Kept,
+    Task,
+    opening_test,
+)
+from fedora_qa.engine.file_work import PackedSurvey, equal_parts
+from fedora_qa.engine.options import DIED_TWICE, ENDLESS, CheckOptions, Effort, FileRun, lost_file
 from fedora_qa.engine.plan import FEWEST_WINDOWS, WINDOW_NS, Plan, sampling_of, sees_every_window
 from fedora_qa.engine.progress import Progress, ProgressTally, Report, quiet
 from fedora_qa.engine.survey import Survey, frame_pixels
-from fedora_qa.engine.task_functions import FINISH_FILE, MEASURE_WINDOWS, SURVEY_FILE, TRAFFIC_OF
 from fedora_qa.errors import EndlessError, WorkerLostError
 from fedora_qa.storage.place import Place, RemoteFile
-from fedora_qa.storage.server import version_of
-from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
+from fedora_qa.storage.server import NO_TRAFFIC, Traffic, version_of
 
 _DENSER: Final[tuple[Effort, ...]] = ("full", "standard")
 

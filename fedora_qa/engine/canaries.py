@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fedora_qa.catalogue import canary_of
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.altered import PlainRun, WindowPass, growing
 from fedora_qa.engine.measure import PassState, attempt
@@ -23,7 +24,6 @@ from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, Plan
 from fedora_qa.faults.fault import Fault
 from fedora_qa.record.types import Canary, Outcome, Result
 from fedora_qa.record.wording import OUTCOME_WORDS
-from fedora_qa.subjects.rows import canary_of
 
 _IN_ORDER: tuple[Outcome, ...] = ("passed", "warned")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from fedora_qa.record.types import Diagnosis
 
 if TYPE_CHECKING:  # loads every fault
-    from fedora_qa.diagnosis.trial import UndoTrial
+    from fedora_qa.diagnosis.conclusion import UndoTrial
     from fedora_qa.engine.trials import TrialBench
 
 

@@ -11,12 +11,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.protocol import Check
-from fedora_qa.diagnosis.coincidence import ClockPlace, places_of_clocks
-from fedora_qa.diagnosis.conclusion import Trials
+from fedora_qa.diagnosis.conclusion import Trials, UndoTrial
 from fedora_qa.diagnosis.diagnose import choose_causes, key_of, rank_candidates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.trial import UndoTrial
+from fedora_qa.diagnosis.vetoes import ClockPlace, places_of_clocks
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.cause_explanation import CauseExplanation
 from fedora_qa.engine.progress import Progress
@@ -24,7 +24,6 @@ from fedora_qa.engine.trials import TrialBench, run_trials
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.judgement.materiality import Materiality
 from fedora_qa.record.types import Diagnosis
-from fedora_qa.subjects.rows import hypotheses_of
 
 
 def name_causes(

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import is_dataset_key, spec_of, timestamps_of
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.leases import Leases
 from fedora_qa.sequence.scan import BLOCK_ROWS, Scan
 from fedora_qa.sequence.sequence import SequenceRows
-from fedora_qa.sequence.window import Sampling, Span, Window
+from fedora_qa.sequence.window import Leases, Sampling, Span, Window
 
 Block = NDArray[Any] | UnreadableRowsError
 

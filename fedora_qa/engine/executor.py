@@ -1,16 +1,82 @@
-"""Where tasks are done: a task, what all executors have in common, and the executor that stays in this process."""
+"""A task, the functions that tasks name, the worker that does one, and the executor that stays in this process.
+
+Nothing that measures is imported here: the process that deals out tasks names their functions.
+"""
 
 import pickle
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
-from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.worker import OpenFile, Worker
+from fedora_qa.engine.progress import Progress, quiet
+from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.server import version_of
+from fedora_qa.storage.signature import opening_limit_s
+
+if TYPE_CHECKING:  # loads HDF5
+    from fedora_qa.engine.survey import OpenSurvey, Survey
+    from fedora_qa.layout.dialect import DialectChoice
+
+
+class OpenFile:
+    """Holds one open file at most, so that neighbouring batches of windows share the rows between them.
+
+    Parameters
+    ----------
+    keeps
+        Whether the process is a worker of this package, in which a file stays open after a task; elsewhere each task
+        opens it anew. A file behind a URL never stays open, as each task reports its own traffic.
+    """
+
+    def __init__(self, *, keeps: bool) -> None:
+        self._keeps = keeps
+        self._token = ""
+        self._file: OpenSurvey | None = None
+        self._opened = ExitStack()
+
+    @contextmanager
+    def opened(self, survey: "Survey") -> "Iterator[OpenSurvey]":
+        """Open a surveyed file, or go on with it; raises ``FedoraError`` where it has been changed since."""
+        # The process of the command imports this module as well, and measures nothing.
+        from fedora_qa.engine.survey import opened, receivers, require_same  # noqa: PLC0415 - loads what measures
+
+        if self._file is not None and self._token == survey.token:
+            require_same(survey, version_of(survey.path))
+            # The same survey may come with another plan.
+            file = receivers(survey, self._file.sequence, self._file.ready)
+        else:
+            self.close()
+            file = self._file = self._opened.enter_context(opened(survey))
+            self._token = survey.token
+        try:
+            yield file
+        except BaseException:
+            self._file = None
+            # With the error, so that the file is closed without the test for a change, which would raise another one.
+            self._opened.__exit__(*sys.exc_info())
+            raise
+        if not self._keeps or isinstance(survey.path, RemoteFile):
+            self.close()
+
+    def close(self) -> None:
+        """Close the file, and drop its decoded rows."""
+        self._file = None
+        self._opened.close()
+
+
+@dataclass(frozen=True, slots=True)
+class Worker:
+    """What a task gets beside its arguments."""
+
+    open_file: OpenFile
+    progress: Progress = quiet
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,3 +199,51 @@ class InProcess:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         pass
+
+
+@dataclass(frozen=True, slots=True)
+class NamedFunction:
+    """A function of a module, which is imported where the function is called.
+
+    Attributes
+    ----------
+    module, name
+        Where it is, and what it is called there.
+    """
+
+    module: str
+    name: str
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Import the function and call it."""
+        return getattr(import_module(self.module), self.name)(*arguments)
+
+
+_TASKS: Final = "fedora_qa.engine.tasks"
+_KERNELS: Final = "fedora_qa.engine.kernels"
+
+OPEN_AND_CLOSE: Final = NamedFunction(_TASKS, "open_and_close")
+CHECK_WHOLE: Final = NamedFunction(_TASKS, "check_whole")
+SURVEY_FILE: Final = NamedFunction(_TASKS, "survey_file")
+MEASURE_WINDOWS: Final = NamedFunction(_TASKS, "measure_windows")
+FINISH_FILE: Final = NamedFunction(_TASKS, "finish_file")
+TRAFFIC_OF: Final = NamedFunction(_TASKS, "traffic_of")
+UNCOMPILED: Final = NamedFunction(_KERNELS, "uncompiled")
+COMPILE_GROUP: Final = NamedFunction(_KERNELS, "compile_group")
+
+
+_OPENING_S: Final = 60.0
+"""A file opens in hundredths of a second, over a slow network in some seconds."""
+
+
+def opening_test(path: Place, dialect: "DialectChoice" = None, allow_external: Iterable[Path] = ()) -> Task | None:
+    """Return the task that tests whether a file opens within a limit of time; None for a file behind a URL.
+
+    Raises
+    ------
+    MisuseError
+        The environment sets a limit that is no number above 0.
+    """
+    if isinstance(path, RemoteFile):
+        return None
+    return Task(OPEN_AND_CLOSE, (path, dialect, tuple(allow_external)), limit_s=opening_limit_s(_OPENING_S))

@@ -1,5 +1,6 @@
 """One file on its way to its record, as tasks for any process: survey, batches of windows, judgement."""
 
+import pickle
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -7,17 +8,44 @@ from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
-from fedora_qa.engine.executor import Kept, Task
-from fedora_qa.engine.lost_file import DIED_TWICE, ENDLESS, lost_file
-from fedora_qa.engine.opening import opening_test
-from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.packed_survey import PackedSurvey
+from fedora_qa.engine.executor import CHECK_WHOLE, FINISH_FILE, MEASURE_WINDOWS, SURVEY_FILE, Kept, Task, opening_test
+from fedora_qa.engine.options import DIED_TWICE, ENDLESS, CheckOptions, FileRun, lost_file
 from fedora_qa.engine.progress import MEASURING, Progress
-from fedora_qa.engine.task_functions import CHECK_WHOLE, FINISH_FILE, MEASURE_WINDOWS, SURVEY_FILE
 from fedora_qa.storage.place import Place
 
 if TYPE_CHECKING:  # loads what measures
     from fedora_qa.checks.protocol import Check
+    from fedora_qa.engine.survey import Survey
+
+
+@dataclass(frozen=True, slots=True)
+class PackedSurvey:
+    """A survey of a file, pickled, and what deals out its windows.
+
+    Attributes
+    ----------
+    path
+        The file.
+    windows
+        The windows that are to be measured, as of ``Survey``.
+    pickled
+        The survey.
+    """
+
+    path: Place
+    windows: tuple[int, ...]
+    pickled: bytes
+
+    @staticmethod
+    def of(survey: "Survey") -> "PackedSurvey":
+        """Pack a survey."""
+        return PackedSurvey(survey.path, survey.windows, pickle.dumps(survey, pickle.HIGHEST_PROTOCOL))
+
+    def load(self) -> "Survey":
+        """Return the survey. This takes the process of the command more than a second, and workers nothing."""
+        survey: Survey = pickle.loads(self.pickled)
+        return survey
+
 
 _OPENED: Final = "being opened"
 

@@ -18,7 +18,7 @@ from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Sampling, Span, Window
-from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
+from fedora_qa.storage.server import NO_TRAFFIC, Traffic
 
 T = TypeVar("T")
 

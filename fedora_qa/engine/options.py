@@ -1,22 +1,29 @@
-"""How a file is to be checked, and what checking it gives."""
+"""How a file is to be checked, and what checking it gives, even where no process could open it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
-from fedora_qa.engine.effort import Effort
+from fedora_qa.check_names import selected_explanations
 from fedora_qa.evidence.options import EvidenceOptions
-from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
-from fedora_qa.record.types import FileRecord
-from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
+from fedora_qa.judgement.verdict import DEFAULT_FALSE_ALARM_RATE
+from fedora_qa.record.types import Diagnosis, FileRecord, Result, Verdict
+from fedora_qa.storage.digest import Digest, file_digest
+from fedora_qa.storage.place import Place
+from fedora_qa.storage.server import NO_TRAFFIC, Traffic
 
-if TYPE_CHECKING:  # commands that measure nothing load neither NumPy nor HDF5
+if TYPE_CHECKING:  # loads what measures
     from numpy.typing import NDArray
 
-    from fedora_qa.faults.reversible import ReversibleFault
+    from fedora_qa.checks.protocol import Check
+    from fedora_qa.faults.fault import ReversibleFault
     from fedora_qa.judgement.materiality import Profile
     from fedora_qa.layout.dialect import DialectChoice
+
+
+Effort = Literal["quick", "standard", "full", "exhaustive"]
+
 
 _MEBIBYTE: Final = 1 << 20
 
@@ -75,3 +82,50 @@ class FileRun:
     traffic: Traffic = NO_TRAFFIC
     reached: str = ""
     faults: "Mapping[str, ReversibleFault]" = field(default_factory=dict)
+
+
+DIED_TWICE: Final = "died twice over it (out of memory, or a library crashed)"
+ENDLESS: Final = "did not come to an end, and was ended"
+"""How the processes that did a task ended, as a record states it."""
+
+
+def lost_file(
+    path: Place, checks: "Iterable[Check[Any]] | None", options: CheckOptions, doing: str, end: str
+) -> FileRun:
+    """Return the run of a file that no process could open, or judge: every check crashed.
+
+    Parameters
+    ----------
+    checks
+        None: those that the options select.
+    doing, end
+        Parts of the reason: the step that failed, and how its process ended.
+    """
+    if checks is None:
+        selected = selected_explanations(options.select, options.ignore)
+        questions = {explanation.check: explanation.question for explanation in selected}
+    else:
+        questions = {check.name: check.question for check in checks}
+    # Reads bytes only, not through HDF5, which may have ended the processes before.
+    digest = file_digest(path)
+    reason = f"the process by which it was {doing} {end}"
+    results = tuple(Result(name, "crashed", question, reason=reason) for name, question in questions.items())
+    return FileRun(record_without_facts(path, digest, "incomplete", results))
+
+
+def record_without_facts(
+    path: Place, digest: Digest, verdict: Verdict, results: tuple[Result, ...], diagnoses: tuple[Diagnosis, ...] = ()
+) -> FileRecord:
+    """Return the record of a file of which nothing was measured."""
+    return FileRecord(
+        path=str(path),
+        size=digest.version.size,
+        sha256=digest.sha256,
+        digest_kind=digest.kind,
+        dialect="",
+        inferred={},
+        statistics={},
+        verdict=verdict,
+        results=results,
+        diagnoses=diagnoses,
+    )

@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.lost_file import DIED_TWICE, record_without_facts
 from fedora_qa.engine.measure import PassState
+from fedora_qa.engine.options import DIED_TWICE, record_without_facts
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Where
 from fedora_qa.record.wording import NOT_RECOGNISED

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.options import Effort
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import datasets_of, is_timed, timestamps_of
 from fedora_qa.sequence.scan import Scan

@@ -27,10 +27,9 @@ from uuid import uuid4
 
 from pebble import ProcessExpired, ProcessPool
 
-from fedora_qa.engine.executor import Task
+from fedora_qa.engine.executor import OpenFile, Task, Worker
 from fedora_qa.engine.fork_server import worker_context
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.worker import OpenFile, Worker
 from fedora_qa.errors import EndlessError, WorkerLostError
 
 _SILENCE_S: Final = 0.1

@@ -25,9 +25,9 @@ from fedora_qa.sequence.sequence import Sequence as FileSequence
 from fedora_qa.sequence.window import Span
 from fedora_qa.statistics.collector import StatisticsCollector
 from fedora_qa.storage.digest import Digest, file_digest
+from fedora_qa.storage.folder import Version
 from fedora_qa.storage.place import Place, RemoteFile
-from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
-from fedora_qa.storage.version import Version
+from fedora_qa.storage.server import NO_TRAFFIC, Traffic
 from fedora_qa.views.storage_steps import stored_steps
 
 _EXPECTED_BYTES_PER_PIXEL: Final = 90

@@ -1,25 +1,30 @@
-"""What workers do for a file: the functions of tasks, each with its arguments and the worker that does it."""
+"""What is done for one file: by ``check_file`` in this process, or by the tasks of workers."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from numpy.typing import NDArray
+
+from fedora_qa.catalogue import select_checks
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.assemble import assemble
-from fedora_qa.engine.executor import Kept
-from fedora_qa.engine.measure import Accumulator, PassState, measure
+from fedora_qa.engine.assemble import assemble, distributions_of
+from fedora_qa.engine.executor import Kept, Worker
+from fedora_qa.engine.file_work import PackedSurvey
+from fedora_qa.engine.measure import Accumulator, PassState, attempt, measure
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.packed_survey import PackedSurvey
-from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.survey import OpenSurvey, Survey, opened
+from fedora_qa.engine.progress import Progress, quiet
+from fedora_qa.engine.survey import OpenSurvey, Survey, opened, prepare
 from fedora_qa.engine.survey import survey_file as survey_of
-from fedora_qa.engine.worker import Worker
-from fedora_qa.errors import UnreadableFileError
+from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.layout.dialect import DialectChoice
 from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.sequence.window import Sampling
+from fedora_qa.statistics.collector import Statistics, StatisticsCollector
 from fedora_qa.storage.place import Place
-from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
-from fedora_qa.subjects.selection import select_checks
+from fedora_qa.storage.server import NO_TRAFFIC, Traffic
 
 Asked = tuple[Check[Any], ...] | None
 """The checks of a file; None: those that the options select."""
@@ -131,3 +136,59 @@ def _loaded(packed: PackedSurvey | Kept) -> Survey:
 def traffic_of(parts: Sequence[Kept], _: Worker) -> Traffic:
     """Return the requests to a server for passes over windows."""
     return sum((part.load().traffic for part in parts), NO_TRAFFIC)
+
+
+def check_file(path: Place, options: CheckOptions, progress: Progress = quiet) -> FileRun:
+    """Check one file.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it is not HDF5, or the options name an unknown check, or a budget of time, which
+        only ``check_files`` supports.
+    """
+    if options.budget_s is not None:
+        raise MisuseError("Expected check_files for a budget of time, got check_file, which takes what it takes")
+    survey = survey_of(path, select_checks(options.select, options.ignore), options, progress)
+    return survey if isinstance(survey, FileRun) else measure_and_assemble(survey, progress)
+
+
+@dataclass(frozen=True, slots=True)
+class FileStatistics:
+    """The statistics of a file, and the arrays of its distributions by the names that a record gives them, if any."""
+
+    statistics: Statistics
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+
+def collect_statistics(
+    path: Path,
+    dialect: DialectChoice,
+    memory_bytes: int,
+    allow_external: Iterable[Path],
+    with_distributions: bool,
+    worker: Worker,
+) -> FileStatistics:
+    """Hand every window of a file to the collectors of statistics and, where asked for, of distributions.
+
+    Raises
+    ------
+    FedoraError
+        The file cannot be opened.
+    RuntimeError
+        A collector itself failed.
+    """
+    statistics = StatisticsCollector()
+    with open_sequence(path, dialect, allow_external=allow_external) as sequence:
+        ready = prepare(sequence, memory_bytes)
+        distributions = DistributionsCollector(ready.spans)
+        collectors: list[Accumulator] = [statistics, *([distributions] if with_distributions else [])]
+        # The default sampling reads every tile and every field: statistics describe the whole file.
+        states = measure(collectors, ready.spans, ready.facts, ready.decoder, Sampling(), worker.progress)
+        tables = attempt(
+            states, statistics.name, lambda: statistics.conclude(states.states[statistics.name], ready.facts)
+        )
+        arrays = distributions_of(distributions, states, ready.facts).arrays if with_distributions else {}
+    if tables is None or states.crashes:
+        raise RuntimeError(next(iter(states.crashes.values())).strip().splitlines()[-1])
+    return FileStatistics(tables, arrays)

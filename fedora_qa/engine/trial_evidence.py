@@ -15,19 +15,23 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
+from fedora_qa.diagnosis.conclusion import DeviationChange, UndoTrial
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.diagnosis.trial import DeviationChange, UndoTrial
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.trials import TrialBench, check_of
-from fedora_qa.evidence.cut_out import WHOLE, busiest_box, cut_out
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.pictures import block_px, mean_values
-from fedora_qa.evidence.snapshot import EVENTS_NS, Snapshot, take_snapshot
-from fedora_qa.evidence.snapshot_arrays import keep_snapshot
-from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_times_ns
+from fedora_qa.evidence.snapshot import (
+    EVENTS_NS,
+    Snapshot,
+    fitting_width_px,
+    keep_snapshot,
+    snapshot_times_ns,
+    take_snapshot,
+)
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
-from fedora_qa.evidence.worst_locations import nearest_span
-from fedora_qa.faults.reversible import ReversibleFault
+from fedora_qa.evidence.worst_locations import WHOLE, busiest_box, cut_out, nearest_span
+from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.record.evidence import AFTER_UNDOING, BEFORE_UNDOING, DEVIATIONS, TRIALS, named
 from fedora_qa.record.types import Diagnosis
 from fedora_qa.sequence.facts import Facts

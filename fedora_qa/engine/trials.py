@@ -17,15 +17,13 @@ from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
-from fedora_qa.diagnosis.coincidence import ClockPlace
+from fedora_qa.diagnosis.conclusion import HALF, DeviationChange, UndoTrial
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.diagnosis.trial import HALF, DeviationChange, UndoTrial
-from fedora_qa.diagnosis.vetoes import contradicts
+from fedora_qa.diagnosis.vetoes import ClockPlace, contradicts
 from fedora_qa.engine.altered import PlainRun, WindowPass
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
-from fedora_qa.faults.fault import Fault
-from fedora_qa.faults.reversible import ReversibleFault
+from fedora_qa.faults.fault import Fault, ReversibleFault
 from fedora_qa.judgement.judge import Alarm, Judged, judge
 from fedora_qa.judgement.materiality import Materiality
 from fedora_qa.layout.canonical import is_flow_stream

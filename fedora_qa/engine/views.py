@@ -25,10 +25,9 @@ from fedora_qa.sequence.inputs import (
     TracedMapping,
     changed_inputs,
 )
-from fedora_qa.sequence.leases import Leases
 from fedora_qa.sequence.scan import Scan
 from fedora_qa.sequence.sequence import SequenceRows
-from fedora_qa.sequence.window import Sampling, Span, Window
+from fedora_qa.sequence.window import Leases, Sampling, Span, Window
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from fedora_qa.causes import in_families, stream_family
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.evidence.event_cloud import EventCloud, keep_event_clouds, take_event_cloud
+from fedora_qa.evidence.clouds import (
+    EventCloud,
+    PointCloud,
+    cloud_times_ns,
+    keep_event_clouds,
+    keep_point_cloud,
+    take_event_cloud,
+    take_point_cloud,
+)
 from fedora_qa.evidence.histograms import (
     keep_histograms,
     padded_sum,
@@ -19,10 +27,7 @@ from fedora_qa.evidence.histograms import (
     with_events,
 )
 from fedora_qa.evidence.options import EvidenceOptions
-from fedora_qa.evidence.point_cloud import PointCloud, cloud_times_ns, keep_point_cloud, take_point_cloud
-from fedora_qa.evidence.snapshot import Snapshot, take_snapshot
-from fedora_qa.evidence.snapshot_arrays import keep_snapshots
-from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_times_ns
+from fedora_qa.evidence.snapshot import Snapshot, fitting_width_px, keep_snapshots, snapshot_times_ns, take_snapshot
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.record.evidence import MOMENTS, TIMELINE, UNMEASURED, named

@@ -1,7 +1,8 @@
-"""Snapshots: pictures of all streams at one instant, and the residual of the flow."""
+"""Snapshots: their times and sizes, pictures of all streams at one instant, flow residuals, and their arrays."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final, TypeVar
 
 import cv2
@@ -9,11 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.causes import in_families
+from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.luma import LUMA_WEIGHTS
-from fedora_qa.evidence.pictures import block_px, events_of_pixels, mean_codes, mean_values
+from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.evidence.pictures import (
+    block_px,
+    events_of_pixels,
+    mean_codes,
+    mean_values,
+    picture_shape,
+    summed_counts,
+)
+from fedora_qa.evidence.titled_arrays import TitledArrays
+from fedora_qa.record.evidence import named
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Events, Window
+from fedora_qa.sequence.window import Events, Span, Window
 
 T = TypeVar("T")
 
@@ -303,3 +315,226 @@ def _mean_codes(window: Window, frame: int, block: int) -> NDArray[Any]:
 def _small(image: NDArray[Any], width_px: int) -> tuple[NDArray[Any], int]:
     block = block_px(image.shape[1], width_px)
     return mean_values(image, block), block
+
+
+_BYTES_PER_PX: Final = {"path/rgb": 3, "path/depth": 4}
+_FLOW_BYTES_PER_PX: Final = 8
+# Counts of two polarities as uint16; the residual is float16.
+_EVENT_BYTES_PER_PX: Final = 4
+_RESIDUAL_BYTES_PER_PX: Final = 2
+_LEAST_WIDTH_PX: Final = 16
+# Rows and columns of the paper's event camera, for files that declare none.
+_USUAL_SENSOR: Final = (480, 640)
+
+
+def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mapping[int, tuple[int, ...]]:
+    """Return times by the number of their window, evenly spread over the images of the windows.
+
+    They are timestamps of the slowest stream of images that has enough images, so that faster streams have an image
+    near them. Without images they are the middles of windows.
+
+    Parameters
+    ----------
+    spans
+        Windows over which the times are spread.
+    facts
+        With the clocks of the file.
+    count
+        Number of times; fewer where there are fewer images.
+
+    Returns
+    -------
+    Mapping[int, tuple[int, ...]]
+        Ns from the file's origin.
+    """
+    # The stream of images with the fewest rows that are enough; the one with the most where none has.
+    streams = [name for name in ("rgb", "depth", *facts.flow_streams) if name in facts.clocks]
+    sizes = {name: sum(_owned_rows(span, name) for span in spans) for name in streams if facts.clocks[name].usable}
+    enough = [name for name, size in sizes.items() if size >= count]
+    filled = [name for name, size in sizes.items() if size]
+    stream = (
+        min(enough, key=lambda name: sizes[name]) if enough else max(filled, key=lambda name: sizes[name], default=None)
+    )
+    if stream is None:
+        middles = _evenly(len(spans), count)
+        return {spans[i].index: ((spans[i].start_ns + spans[i].stop_ns) // 2,) for i in middles}
+    ends = np.cumsum([_owned_rows(span, stream) for span in spans])
+    times_ns = facts.clocks[stream].times_ns
+    times_by_window: dict[int, tuple[int, ...]] = {}
+    for position in _evenly(int(ends[-1]), count):
+        number = int(np.searchsorted(ends, position, "right"))
+        span = spans[number]
+        # ``ends`` are cumulative counts, so that the row is counted back from the end of its window.
+        row = span.owned[stream][1] - (int(ends[number]) - position)
+        times_by_window[span.index] = (*times_by_window.get(span.index, ()), int(times_ns[row]))
+    return times_by_window
+
+
+def fitting_width_px(facts: Facts, options: EvidenceOptions, snapshots: int) -> int:
+    """Return the greatest width of pictures, px, with which a number of snapshots fits into the size.
+
+    Parameters
+    ----------
+    facts
+        With the sizes of the images.
+    options
+        Size of the pictures, and their largest width.
+    snapshots
+        Number of snapshots.
+
+    Returns
+    -------
+    int
+        16 px at least.
+    """
+    widths = range(options.picture_width_px, _LEAST_WIDTH_PX, -1)
+    fits = (width for width in widths if snapshots * snapshot_bytes(facts, width) <= options.size_bytes)
+    return next(fits, _LEAST_WIDTH_PX)
+
+
+def snapshot_bytes(facts: Facts, width_px: int) -> int:
+    """Return the size of the pictures of one snapshot in bytes, with the largest flow.
+
+    Parameters
+    ----------
+    facts
+        With the sizes of the images.
+    width_px
+        Largest width of pictures, px.
+
+    Returns
+    -------
+    int
+        Uncompressed size.
+    """
+    sizes: dict[str, int] = {}
+    flow = {f"path/{stream}": _FLOW_BYTES_PER_PX for stream in facts.flow_streams}
+    for key, bytes_per_px in (_BYTES_PER_PX | flow).items():
+        binding = facts.layout.bindings.get(key)
+        if binding is not None and len(binding.shape) >= 3:
+            family = "flow" if "flow" in key else key
+            sizes[family] = max(sizes.get(family, 0), bytes_per_px * _pixels(binding.shape[1:3], width_px))
+    if "path/rgb" in sizes and "flow" in sizes:
+        sizes["residual"] = _RESIDUAL_BYTES_PER_PX * sizes["path/rgb"] // _BYTES_PER_PX["path/rgb"]
+    camera = facts.declared.cameras.get("events")
+    if "events" in facts.streams:
+        shape = (camera.height, camera.width) if camera else _USUAL_SENSOR
+        sizes["events"] = _EVENT_BYTES_PER_PX * _pixels(shape, width_px)
+    return sum(sizes.values())
+
+
+def _pixels(shape: tuple[int, ...], width_px: int) -> int:
+    rows, columns = picture_shape(shape[0], shape[1], block_px(shape[1], width_px))
+    return rows * columns
+
+
+def _owned_rows(span: Span, stream: str) -> int:
+    start, stop = span.owned.get(stream, (0, 0))
+    return stop - start
+
+
+def _evenly(of: int, count: int) -> list[int]:
+    """Return positions in the middles of ``count`` equal parts of a range, each once."""
+    edges = np.linspace(0, of, count + 1)
+    return sorted({int((start + stop) / 2) for start, stop in pairwise(edges)}) if of else []
+
+
+Entries = Mapping[str, tuple[NDArray[Any], str]]
+
+_ON_CLOCK: Final = "us on the file's clock"
+
+
+def keep_snapshots(group: str, snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> TitledArrays:
+    """Return snapshots as arrays whose first axis is the snapshot; a missing picture is NaN, or 0 for codes and counts.
+
+    Parameters
+    ----------
+    group
+        Prefix of the names.
+    snapshots
+        In the order of time.
+    facts
+        Convert times to the clock of the file.
+    width_px
+        Largest width of pictures, px.
+
+    Returns
+    -------
+    TitledArrays
+        Empty where no snapshot has a picture.
+    """
+    entries = _entries(snapshots, facts, width_px) if any(snapshot.pictures for snapshot in snapshots) else {}
+    return TitledArrays.titled({named(group, name): entry for name, entry in entries.items()})
+
+
+def keep_snapshot(group: str, snapshot: Snapshot, facts: Facts, width_px: int) -> TitledArrays:
+    """Return one snapshot as arrays without an axis of snapshots.
+
+    Parameters
+    ----------
+    group
+        Prefix of the names.
+    snapshot
+        With one picture at least.
+    facts
+        Convert times to the clock of the file.
+    width_px
+        Largest width of pictures, px.
+    """
+    entries = _entries([snapshot], facts, width_px)
+    return TitledArrays.titled({named(group, name): (array[0], title) for name, (array, title) in entries.items()})
+
+
+def _entries(snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> Entries:
+    times_us = np.array([facts.to_file_us(snapshot.time_ns) for snapshot in snapshots])
+    entries: dict[str, tuple[NDArray[Any], str]] = {"times_us": (times_us, f"Instants, {_ON_CLOCK}")}
+    for family in ("rgb", "depth", "flow", "residual", "events"):
+        pictures = [snapshot.pictures.get(family) for snapshot in snapshots]
+        present = [picture for picture in pictures if picture is not None]
+        if not present:
+            continue
+        # Start and end of the interval of each picture (n, 2), on the file's clock; NaN where there is none.
+        bounds_ns = [
+            (np.nan, np.nan) if picture is None else (picture.start_ns, picture.stop_ns) for picture in pictures
+        ]
+        intervals_us = facts.origin_us + np.array(bounds_ns, dtype=np.float64) / NS_PER_US
+        # Smaller pictures lie in the upper left corner of the largest.
+        shape = tuple(max(sizes) for sizes in zip(*(picture.image.shape for picture in present), strict=True))
+        missing = 0 if family in ("rgb", "events") else np.nan
+        stack = np.full((len(pictures), *shape), missing, present[0].image.dtype)
+        for layer, picture in zip(stack, pictures, strict=True):
+            if picture is not None:
+                layer[tuple(slice(size) for size in picture.image.shape)] = picture.image
+        # The coarsest averaging of these pictures.
+        block = max(picture.block for picture in present)
+        averaged = f", averaged over {block}x{block} pixels" if block > 1 else ""
+        match family:
+            case "rgb":
+                entries["rgb"] = stack, f"Colour frame, DN as stored{averaged}"
+                entries["rgb_times_us"] = intervals_us[:, 0], f"Instants of the colour frames, {_ON_CLOCK}"
+            case "depth":
+                entries["depth_m"] = stack, f"Depth along the optical axis, m{averaged}"
+                entries["depth_times_us"] = intervals_us[:, 0], f"Instants of the depth frames, {_ON_CLOCK}"
+            case "flow":
+                streams = ", ".join(sorted({picture.stream for picture in present}))
+                title = f"Flow ({streams}; u right, v down), px of the stored image over its interval{averaged}"
+                entries["flow_px"] = stack, title
+                entries["flow_interval_us"] = intervals_us, f"Start and end of the flow's interval, {_ON_CLOCK}"
+            case "residual":
+                title = (
+                    "What the flow leaves: the frame at its end, carried back by it, minus the frame at its start, "
+                    f"luma in DN{averaged}"
+                )
+                entries["residual_dn"] = stack, title
+            case "events":
+                if block == 1:  # the size of an undeclared sensor follows from all events, (n, 2, h, w)
+                    block = block_px(stack.shape[3], width_px)
+                    stack = summed_counts(stack, block)
+                of_pixel = f"{block}x{block} pixels" if block > 1 else "a pixel"
+                counted_ms = (present[0].stop_ns - present[0].start_ns) / NS_PER_MS
+                within = f"number in {of_pixel} of the sensor within {counted_ms:g} ms"
+                entries["brighter"] = stack[:, 1], f"Events that tell of brightening, {within}"
+                entries["darker"] = stack[:, 0], f"Events that tell of darkening, {within}"
+                title = f"Start and end of the time in which events were counted, {_ON_CLOCK}"
+                entries["events_interval_us"] = intervals_us, title
+    return entries

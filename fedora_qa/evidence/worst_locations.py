@@ -1,20 +1,28 @@
 """Pictures of the streams where findings are worst: a window, an instant, images, and a box in the picture.
 
-The images are decoded once more after judgement, up to a limit.
+The images are decoded once more after judgement, up to a limit. A box is cut out of pictures that were not averaged,
+because small displacements are visible only there.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Final
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.pictures import block_px, picture_shape
-from fedora_qa.evidence.snapshot import take_snapshot
-from fedora_qa.evidence.snapshot_arrays import keep_snapshot
-from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_times_ns
+from fedora_qa.evidence.snapshot import (
+    Picture,
+    Snapshot,
+    fitting_width_px,
+    keep_snapshot,
+    snapshot_times_ns,
+    take_snapshot,
+)
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.record.evidence import BESIDE, PLACES, named
 from fedora_qa.record.types import Finding, Severity, Where
@@ -301,3 +309,57 @@ def nearest_span(time_ns: int | None, spans: Sequence[Span]) -> Span | None:
 
 def _has_row(facts: Facts, stream: str, row: int) -> bool:
     return 0 <= row < len(facts.clocks[stream].times_ns)
+
+
+def busiest_box(snapshot: Snapshot, width_px: int) -> Box:
+    """Return the box in which the widest picture has a width, where most events lie; in the middle without events.
+
+    Parameters
+    ----------
+    snapshot
+        With pictures that were not averaged.
+    width_px
+        Of the box in the widest picture, px.
+    """
+    widest = max((_picture_size(picture)[1] for picture in snapshot.pictures.values()), default=0)
+    if widest <= width_px:
+        return WHOLE
+    share = width_px / widest
+    middle = (0.5, 0.5)
+    if (events := snapshot.pictures.get("events")) is not None and np.any(events.image):
+        height, width = _picture_size(events)
+        counts = events.image.sum(axis=0, dtype=np.float32)
+        side = (max(round(share * width), 1), max(round(share * height), 1))
+        sums = cv2.boxFilter(counts, cv2.CV_32F, side, normalize=False, borderType=cv2.BORDER_CONSTANT)
+        row, column = np.unravel_index(int(np.argmax(sums)), sums.shape)
+        middle = ((int(column) + 0.5) / width, (int(row) + 0.5) / height)
+    left, top = (min(max(centre - share / 2, 0.0), 1.0 - share) for centre in middle)
+    return (left, top, left + share, top + share)
+
+
+def cut_out(snapshot: Snapshot, box: Box) -> Snapshot:
+    """Return the same box of all pictures: the cameras of a file have one field of view."""
+    pictures = {
+        family: replace(picture, image=np.ascontiguousarray(_picture_part(picture, box)))
+        for family, picture in snapshot.pictures.items()
+    }
+    return replace(snapshot, pictures=pictures)
+
+
+def _picture_size(picture: Picture) -> tuple[int, int]:
+    """Return rows and columns."""
+    shape = picture.image.shape
+    return shape[-2:] if picture.stream == "events" else shape[:2]
+
+
+def _picture_part(picture: Picture, box: Box) -> NDArray[Any]:
+    height, width = _picture_size(picture)
+    left, top, right, bottom = box
+    rows, columns = _pixels(top, bottom, height), _pixels(left, right, width)
+    return picture.image[..., rows, columns] if picture.stream == "events" else picture.image[rows, columns]
+
+
+def _pixels(start: float, stop: float, size: int) -> slice:
+    """Return the pixels of a range of shares, 1 at least; their number does not depend on where the range lies."""
+    first = round(start * size)
+    return slice(first, first + max(round((stop - start) * size), 1))

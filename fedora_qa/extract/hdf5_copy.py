@@ -15,8 +15,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.layout.bitshuffle import require_sound_blocks
-from fedora_qa.layout.links import READ_ERRORS
+from fedora_qa.layout.decodable import require_sound_blocks
+from fedora_qa.layout.hdf5_objects import READ_ERRORS
 
 _COPIED_AT_ONCE: Final = 16 << 20
 """Bytes of decoded rows in memory at once."""

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.faults.fault import Fault, Read
-from fedora_qa.faults.reversible import InapplicableError, Vector3, signed_length, streams_in
+from fedora_qa.faults.fault import Fault, InapplicableError, Read, Vector3, signed_length, streams_in
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.camera import camera_motion
 from fedora_qa.geometry.motion import STENCIL, interpolate_poses

@@ -1,4 +1,8 @@
-"""What a canary is planted on: the unchanged file, and the measurements of the check on it."""
+"""What a canary is planted on: the unchanged file, and the measurements of the check on it.
+
+The canaries stand with the faults, by subject: the fault that a check must detect, with a size that follows from its
+detection limit. Where it can be undone, the canary builds that fault and calls ``plant``.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,8 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.faults.fault import Fault
-from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
+from fedora_qa.faults.fault import Fault, InapplicableError, ReversibleFault
 from fedora_qa.record.types import Measurement
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows

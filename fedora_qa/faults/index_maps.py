@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.faults.fault import Alteration, Fault, FaultySequence, Read
-from fedora_qa.faults.reversible import InapplicableError, RowRange, in_rows
+from fedora_qa.faults.fault import Alteration, Fault, FaultySequence, InapplicableError, Read, RowRange, in_rows
 from fedora_qa.layout.canonical import FRAMES_OF_MAP, timestamps_of
 from fedora_qa.sequence.facts import Facts, IndexMap
 from fedora_qa.sequence.scan import scan

@@ -1,4 +1,4 @@
-"""Faults of IMU and pose values; those of the axes in which they are written are in ``axes.py``."""
+"""Faults of IMU and pose values, and their canaries; those of the axes in which they are written: ``axes.py``."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,14 +7,17 @@ from typing import Any, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.faults.fault import Fault, Read, values
-from fedora_qa.faults.reversible import (
+from fedora_qa.faults.canary_conditions import CanaryConditions
+from fedora_qa.faults.fault import (
+    Fault,
     InapplicableError,
+    Read,
     RowRange,
     Vector3,
     in_rows,
     signed_length,
     streams_in,
+    values,
 )
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.motion import STENCIL, interpolate_poses
@@ -356,3 +359,29 @@ def _lifted(facts: Facts, sequence: SequenceRows, description: str, upward_m_s2:
         return np.asarray(forces + upward_m_s2 * np.einsum("nji,j->ni", R_world_body, _UP))
 
     return Fault(description, {_ACCEL: alter})
+
+
+_LEAST_STRETCH: Final = 1e-3
+
+
+def long_quaternions(conditions: CanaryConditions) -> Fault:
+    """Quaternions are longer than 1."""
+    return conditions.planted(QuaternionLength(conditions.size("length_error", at_least=_LEAST_STRETCH)))
+
+
+def teleport(conditions: CanaryConditions) -> Fault:
+    """Positions are displaced to the east from the place on."""
+    # World frame (ENU): X points east.
+    displacement_m = conditions.size("position_jump"), 0.0, 0.0
+    return conditions.planted(Teleport(displacement_m, rows=(conditions.row_at_place("pose"), None)))
+
+
+def gyro_bias(conditions: CanaryConditions) -> Fault:
+    """Angular velocities about X are too large by a constant."""
+    # Body frame: X points forward, so that the bias is one of the roll rate.
+    return conditions.planted(GyroBias((conditions.size("bias_x"), 0.0, 0.0)))
+
+
+def accel_bias(conditions: CanaryConditions) -> Fault:
+    """Specific forces along X are too large by a constant."""
+    return conditions.planted(AccelBias((conditions.size("bias_x"), 0.0, 0.0)))

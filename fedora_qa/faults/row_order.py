@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.faults.fault import Alteration, Fault, rows_from
+from fedora_qa.faults.fault import Alteration, Fault, InapplicableError, row_keys, rows_from, streams_in, value_keys
 from fedora_qa.faults.index_maps import with_following_maps
-from fedora_qa.faults.reversible import InapplicableError, row_keys, streams_in, value_keys
 from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS
 from fedora_qa.layout.canonical import FRAMES_OF_MAP, timestamps_of
 from fedora_qa.layout.resolve import Layout

@@ -16,11 +16,10 @@ from fedora_qa.faults import (
     index_maps,
     motion,
     pixels,
-    rectification,
     row_order,
     units,
 )
-from fedora_qa.faults.reversible import ReversibleFault
+from fedora_qa.faults.fault import ReversibleFault
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +61,7 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every("polarity_inverted", (pixels.PolarityInversion,)),
         **_every("axes_swapped", (pixels.SwappedPixelAxes,), ("events", "flow")),
         **_every("axes_swapped", (axes.VectorAxes,), ("imu", "pose")),
-        ("axes_swapped", "metadata"): (rectification.RectificationAxes,),
+        ("axes_swapped", "metadata"): (axes.RectificationAxes,),
         **_every(
             "rectification_misdeclared",
             WithoutInverse("The map of the declared cameras replaces every map, so that to replace it proves nothing."),

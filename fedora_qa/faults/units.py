@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.faults.fault import Fault, values_by_row
-from fedora_qa.faults.reversible import RowRange, in_rows, streams_in, value_keys
+from fedora_qa.faults.fault import Fault, RowRange, in_rows, streams_in, value_keys, values_by_row
 from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.sequence import SequenceRows
 

@@ -13,13 +13,11 @@ from typing import ClassVar, Final, Literal
 
 from pydantic import ConfigDict, TypeAdapter
 
-from fedora_qa.gating.baseline import named_files
+from fedora_qa.gating.acceptance import Waiver, named_files
 from fedora_qa.gating.policy import Policy
 from fedora_qa.gating.release import find_sequences, inside
-from fedora_qa.gating.waivers import Waiver
 from fedora_qa.record.documents import DocumentKind
-from fedora_qa.record.several_files import FOLDER
-from fedora_qa.record.types import Coverage, Outcome, Record, Tool
+from fedora_qa.record.types import FOLDER, Coverage, Outcome, Record, Tool
 from fedora_qa.storage.digest import whole_digest
 
 CERTIFICATE_VERSION: Final = "1.0"

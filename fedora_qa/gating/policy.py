@@ -14,8 +14,8 @@ from fedora_qa.check_names import require_check_names, selected_explanations
 from fedora_qa.checks.explanation import published_explanations
 from fedora_qa.config import RULESET_CHANGES, RULESET_VERSION, CheckConfig, files_beside, read_toml
 from fedora_qa.errors import MisuseError, did_you_mean
+from fedora_qa.gating.acceptance import Waiver, require_legal_names
 from fedora_qa.gating.release import is_plain
-from fedora_qa.gating.waivers import Waiver, require_legal_names
 from fedora_qa.layout.canonical import FLOW_STREAMS, STREAMS, in_file_order, is_flow_stream
 from fedora_qa.record.types import Severity
 

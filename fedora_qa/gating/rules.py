@@ -13,10 +13,8 @@ import numpy as np
 from fedora_qa.errors import MisuseError
 from fedora_qa.gating.contents import Contents
 from fedora_qa.gating.policy import Bounds, Documents, Policy, Total, each_stream
-from fedora_qa.gating.release import Release, has_document, inside
-from fedora_qa.gating.release_result import ReleaseResult, Violation
-from fedora_qa.record.several_files import FOLDER
-from fedora_qa.record.types import FileRecord, Where
+from fedora_qa.gating.release import Release, ReleaseResult, Violation, has_document, inside
+from fedora_qa.record.types import FOLDER, FileRecord, Where
 from fedora_qa.record.wording import number, place
 from fedora_qa.sequence.declared import Camera, Lens
 from fedora_qa.storage.digest import whole_digest

@@ -7,15 +7,11 @@ from datetime import date
 from typing import Final
 
 from fedora_qa.check_names import selected_explanations
-from fedora_qa.gating.baseline import Baseline, accept_known
+from fedora_qa.gating.acceptance import Baseline, accept_known, rule_on_waivers, waive, with_severity
 from fedora_qa.gating.policy import Policy
-from fedora_qa.gating.release import Release
-from fedora_qa.gating.release_result import ReleaseResult, with_release_results
-from fedora_qa.gating.severity_override import with_severity
-from fedora_qa.gating.waivers import rule_on_waivers, waive
+from fedora_qa.gating.release import Release, ReleaseResult, with_release_results
 from fedora_qa.judgement.verdict import crossing_streams, verdict_of
-from fedora_qa.record.several_files import FOLDER
-from fedora_qa.record.types import FileRecord, Outcome, Record
+from fedora_qa.record.types import FOLDER, FileRecord, Outcome, Record
 from fedora_qa.record.wording import SHORT_OF_COVERAGE
 
 _WITHOUT_VERDICT: Final[frozenset[Outcome]] = frozenset({"not_applicable", "not_observable"})

@@ -11,8 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.importing.prophesee_header import Header
-from fedora_qa.importing.word_decoder import WordDecoder
+from fedora_qa.importing.prophesee_file import Header, WordDecoder
 
 _VERSION: Final = "2"
 _EVENT_TYPES: Final = {0x00: "Event2d", 0x0C: "EventCD"}

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.importing.word_decoder import WordDecoder
+from fedora_qa.importing.prophesee_file import WordDecoder
 
 _CD_OFF: Final = 0x0
 _CD_ON: Final = 0x1

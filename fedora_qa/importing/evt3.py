@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.importing.word_decoder import WordDecoder
+from fedora_qa.importing.prophesee_file import WordDecoder
 
 _ADDR_Y: Final = 0x0
 _ADDR_X: Final = 0x2

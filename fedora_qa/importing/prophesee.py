@@ -11,9 +11,8 @@ from fedora_qa.errors import MisuseError
 from fedora_qa.importing.dat import DAT, require_events
 from fedora_qa.importing.evt2 import EVT2
 from fedora_qa.importing.evt3 import EVT3
-from fedora_qa.importing.prophesee_header import read_header
+from fedora_qa.importing.prophesee_file import WordDecoder, read_header
 from fedora_qa.importing.recording import Recording, Resolution
-from fedora_qa.importing.word_decoder import WordDecoder
 
 DECODERS: Final[Mapping[str, WordDecoder]] = MappingProxyType({each.name: each for each in (EVT2, EVT3, DAT)})
 """By the name of the encoding."""

@@ -1,22 +1,86 @@
-"""Bags of ROS 1, read chunk by chunk, and of ROS 2 (SQLite and MCAP), read by the package ``rosbags``.
+"""Bags of ROS 1, read chunk by chunk, and of ROS 2 (SQLite, MCAP), read by ``rosbags``; and their topics.
 
-``rosbags`` needs no ROS; it also makes objects of messages of either version.
+``rosbags`` needs no ROS; it also makes objects of messages of either version. Topics are the usual ones, or those of a
+TOML file.
 """
 
+import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.importing.event_packets import EVENT_PACKETS, EventPackets
 from fedora_qa.importing.recording import Block, Recording, Resolution
 from fedora_qa.importing.ros1_bag import Ros1Bag
-from fedora_qa.importing.ros_messages import EVENT_ARRAYS, READERS, UnreadableMessageError, event_array
-from fedora_qa.importing.ros_topics import DEFAULT_TOPICS, TopicMap, choose_topics
+from fedora_qa.importing.ros_messages import (
+    EVENT_ARRAYS,
+    EVENT_PACKETS,
+    READERS,
+    EventPackets,
+    UnreadableMessageError,
+    event_array,
+)
 
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader
+
+
+TopicMap = Mapping[str, tuple[str, ...]]
+"""By stream: topics, of which the first that the bag has is read."""
+
+DEFAULT_TOPICS: Final[TopicMap] = MappingProxyType(
+    {
+        # The route of the paper: the DVS plugin, the OpenNI Kinect plugin of Gazebo, and PX4 by MAVROS.
+        "events": ("/dvs/events", "/cam0/events", "/davis/left/events", "/prophesee/camera/cd_events_buffer",
+                   "/event_camera/events"),
+        "rgb": ("/camera/rgb/image_raw", "/camera/color/image_raw", "/camera/image_raw", "/dvs/image_raw"),
+        "depth": ("/camera/depth/image_raw", "/camera/depth/image_rect_raw"),
+        "imu": ("/mavros/imu/data_raw", "/mavros/imu/data", "/imu/data", "/imu", "/dvs/imu"),
+        "pose": (
+            "/ground_truth/odom", "/ground_truth/pose", "/mavros/local_position/odom", "/mavros/local_position/pose",
+            "/pose",
+        ),
+    }
+)  # fmt: skip
+"""The paper prints no names of topics: these are the names that the packages of its route use, and some others."""
+
+
+def load_topics(path: Path) -> TopicMap:
+    """Read a map from a TOML file with a table ``[topics]``: ``events = "/dvs/events"``, or a list of topics.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it is not TOML, or it names other streams or no topics.
+    """
+    try:
+        document = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise MisuseError(f"Expected topics in a TOML file, got {path}: {error}; give another file") from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise MisuseError(f"Expected {path} to be TOML, got: {error}; correct it") from error
+    topics = document.get("topics")
+    if set(document) != {"topics"} or not isinstance(topics, dict) or not topics:
+        raise MisuseError(f"Expected one table [topics] in {path}, got {', '.join(document) or 'none'}; write it")
+    streams = ", ".join(DEFAULT_TOPICS)
+    chosen: dict[str, tuple[str, ...]] = {}
+    for stream, names in topics.items():
+        listed = [names] if isinstance(names, str) else names
+        if stream not in DEFAULT_TOPICS:
+            raise MisuseError(f"Expected a stream ({streams}) in {path}, got {stream!r}; correct it")
+        if not isinstance(listed, list) or not listed or not all(isinstance(name, str) for name in listed):
+            raise MisuseError(f"Expected a topic or a list of topics for {stream} in {path}, got {names!r}; correct it")
+        chosen[stream] = tuple(listed)
+    return chosen
+
+
+def choose_topics(topics: TopicMap, present: Collection[str]) -> dict[str, str]:
+    """Return the topic of each stream that a bag has."""
+    chosen = {stream: next((name for name in names if name in present), "") for stream, names in topics.items()}
+    return {stream: name for stream, name in chosen.items() if name}
+
 
 _TOPICS_SHOWN = 8
 

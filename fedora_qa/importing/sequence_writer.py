@@ -11,8 +11,8 @@ from fedora_qa.conventions import FORMAT_NAME, FORMAT_VERSION, R_BODY_OPTICAL
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing.recording import Block, Resolution
 from fedora_qa.layout.canonical import DATASETS, FRAMES_OF_MAP, STREAMS, TIMESTAMPS_OF
-from fedora_qa.layout.chunk_writer import ChunkWriter
 from fedora_qa.layout.create import create_dataset
+from fedora_qa.layout.direct_chunks import ChunkWriter
 
 UNCALIBRATED: Final = "unknown"
 """Camera model of a recording without calibration: every check that projects is not applicable."""

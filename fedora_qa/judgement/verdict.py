@@ -1,7 +1,8 @@
-"""The verdict of a file, and what it rests on, from the results of its checks.
+"""The verdict of a file, and what it rests on, from the results of its checks; the default false-alarm rate.
 
 Two more places make a verdict ``incomplete``: ``engine/outcomes.py``, where nothing could be measured (no known
-layout, a lost worker), and ``cli/check_all.py``, where the file changed. ``gating/verdict.py`` judges a release.
+layout, a lost worker), and ``cli/check_all.py``, where the file changed. ``gating/verdict.py`` judges a release. This
+file imports the record alone, because options load it without the code that judges.
 """
 
 from collections.abc import Collection, Mapping
@@ -10,6 +11,10 @@ from typing import Final
 
 from fedora_qa.record.types import FileRecord, Result, Verdict
 from fedora_qa.record.wording import SHORT_OF_COVERAGE
+
+DEFAULT_FALSE_ALARM_RATE: Final = 1e-4
+"""Probability that a correct file fails, shared by all comparisons of the file."""
+
 
 INDEX_MAPS: Final = "index_maps."
 """Start of the names of the checks that compare an index map with the timestamps that it was made from."""

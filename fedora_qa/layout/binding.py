@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.bitshuffle import require_sound_blocks, require_sound_chunk, uses_bitshuffle
 from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.conversions import Conversion, converted, intervals
+from fedora_qa.layout.decodable import require_sound_blocks, require_sound_chunk, uses_bitshuffle
 from fedora_qa.layout.direct_chunks import StoredChunks
-from fedora_qa.layout.links import READ_ERRORS
+from fedora_qa.layout.hdf5_objects import READ_ERRORS
 from fedora_qa.sources.source import OutsideRows, SourceError
 
 Polarity = Literal["01", "inverted", "plus_minus"]

@@ -7,12 +7,11 @@ from typing import Final
 import h5py
 
 from fedora_qa.layout.canonical import spec_of
+from fedora_qa.layout.decodable import filters_of
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, form_of
-from fedora_qa.layout.filters import filters_of
 from fedora_qa.layout.folder import OpenFolder
+from fedora_qa.layout.hdf5_objects import text_attribute, walk
 from fedora_qa.layout.resolve import Layout
-from fedora_qa.layout.stored_attribute import text_attribute
-from fedora_qa.layout.walk import walk
 
 _CONVERSIONS: Final[Mapping[str, str]] = {
     "": "",

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import FLOW_RATES_HZ, NS_PER_S
-from fedora_qa.layout.bitshuffle import require_sound_blocks
 from fedora_qa.layout.canonical import (
     BESIDE,
     MS_TO_EVENT,
@@ -27,11 +26,10 @@ from fedora_qa.layout.canonical import (
     in_file_order,
     spec_of,
 )
+from fedora_qa.layout.decodable import require_filters, require_sound_blocks
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, Form
-from fedora_qa.layout.filters import require_filters
-from fedora_qa.layout.links import READ_ERRORS, RefusedError
+from fedora_qa.layout.hdf5_objects import READ_ERRORS, RefusedError, walk
 from fedora_qa.layout.metadata import small_values
-from fedora_qa.layout.walk import walk
 
 HEAD_ROWS: Final = 256
 """Rows that are read to guess what a dataset holds."""

@@ -28,10 +28,9 @@ from fedora_qa.layout.draft import (
 )
 from fedora_qa.layout.metadata import PINHOLE
 from fedora_qa.sources.arrays import npy_array, npy_frames, npz_array, npz_names
-from fedora_qa.sources.documents import document_value
 from fedora_qa.sources.images import images_of, numbers_of
 from fedora_qa.sources.source import OutsideRows, SourceError
-from fedora_qa.sources.text import number_table
+from fedora_qa.sources.text import document_value, number_table
 from fedora_qa.storage.folder import list_files
 from fedora_qa.storage.signature import require_signature
 

@@ -15,10 +15,16 @@ import h5py
 from h5py import h5s
 
 from fedora_qa.layout.binding import Binding
-from fedora_qa.layout.bitshuffle import require_sound_blocks
-from fedora_qa.layout.bounds import MOST_EXPANSION, SMALL_BYTES, require_small_chunks, unwritten_chunks
-from fedora_qa.layout.filters import require_filters, require_whole_chunks
-from fedora_qa.layout.links import RefusedError, find_dataset, reading
+from fedora_qa.layout.decodable import (
+    MOST_EXPANSION,
+    SMALL_BYTES,
+    require_filters,
+    require_small_chunks,
+    require_sound_blocks,
+    require_whole_chunks,
+    unwritten_chunks,
+)
+from fedora_qa.layout.hdf5_objects import RefusedError, find_dataset, reading
 
 MOST_FILES: Final = 64
 """Other files that one file may name."""

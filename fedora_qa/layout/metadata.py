@@ -8,15 +8,12 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.layout.bitshuffle import require_sound_blocks
-from fedora_qa.layout.bounds import require_small_chunks
+from fedora_qa.layout.decodable import require_filters, require_small_chunks, require_sound_blocks, require_whole_chunks
 from fedora_qa.layout.dialect import Declaration, Dialect, MetadataPlace, SideMetadata
 from fedora_qa.layout.external_files import ExternalFiles
-from fedora_qa.layout.filters import require_filters, require_whole_chunks
 from fedora_qa.layout.folder import OpenFolder
-from fedora_qa.layout.links import RefusedError, find_dataset, find_object, reading
-from fedora_qa.layout.stored_attribute import stored_attribute
-from fedora_qa.sources.documents import document_value
+from fedora_qa.layout.hdf5_objects import RefusedError, find_dataset, find_object, reading, stored_attribute
+from fedora_qa.sources.text import document_value
 
 MOST_VALUES: Final = 4096
 """Values of a dataset that is read for a declaration; a list of hot pixels has hundreds."""

@@ -1,16 +1,16 @@
-"""How often each cause is found, by each check and by all together, against its size."""
+"""How often each cause is found, by each check and by all together, against its size; with exact intervals."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import pi
 from typing import Final
 
 import numpy as np
+from scipy.stats import beta, binom
 
-from fedora_qa.power.binomial import chance_of, share_of, upper_bound
 from fedora_qa.power.probit import ProbitFit, fit_probit
 from fedora_qa.power.study import Trial
-from fedora_qa.power.units import factor_between
-from fedora_qa.record.power_types import (
+from fedora_qa.record.power_study import (
     WHOLE_FILE,
     Curve,
     CurvePoint,
@@ -18,8 +18,70 @@ from fedora_qa.record.power_types import (
     Estimate,
     FalseAlarms,
     Fitted,
+    Share,
     Tried,
 )
+
+CONFIDENCE = 0.95
+
+
+def share_of(count: int, of: int) -> Share:
+    """Return a share with its exact two-sided interval of 95%.
+
+    Source: Clopper and Pearson, "The use of confidence or fiducial limits illustrated in the case of the binomial",
+    Biometrika 1934, in its beta form. It covers the true share with at least the confidence, whatever that share is.
+
+    Parameters
+    ----------
+    count, of
+        Successes, and trials.
+
+    Raises
+    ------
+    ValueError
+        The count is not between 0 and ``of``.
+    """
+    if not 0 <= count <= of:
+        raise ValueError(f"Expected a count between 0 and {of}, got {count}")
+    tail = (1 - CONFIDENCE) / 2
+    # Clopper and Pearson 1934: quantiles of Beta(k, n - k + 1) and Beta(k + 1, n - k), undefined at k = 0 and n.
+    low = float(beta.ppf(tail, count, of - count + 1)) if count else 0.0
+    high = float(beta.isf(tail, count + 1, of - count)) if count < of else 1.0
+    return Share(count, of, low, high)
+
+
+def upper_bound(count: int, of: int) -> float:
+    """Return the one-sided upper bound of a share: 1 - 0.05^(1/n) where nothing was counted in n."""
+    return float(beta.isf(1 - CONFIDENCE, count + 1, of - count)) if count < of else 1.0
+
+
+def chance_of(count: int, of: int, rate: float) -> float:
+    """Return the probability of ``count`` or more in ``of`` where each comes at ``rate``."""
+    # The survival function is P(X > k).
+    return float(binom.sf(count - 1, of, rate))
+
+
+_DIMENSIONS: Final[tuple[Mapping[str, float], ...]] = (
+    {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0},
+    {"mm": 1e-3, "cm": 1e-2, "m": 1.0},
+    {"deg": pi / 180, "rad": 1.0},
+    {"deg/s": pi / 180, "rad/s": 1.0},
+    {"mm/s^2": 1e-3, "m/s^2": 1.0},
+    {"ppm": 1e-6, "percent": 1e-2, "%": 1e-2, "share": 1.0, "1": 1.0},
+    {"samples": 1.0, "frames": 1.0},
+)
+"""Each unit's size, by dimension. Pure numbers are one dimension: a factor of 1.01 is a gain of one percent."""
+
+
+def factor_between(unit: str, other: str) -> float | None:
+    """Return how many of ``other`` one of ``unit`` is; None where they measure different things."""
+    if unit == other:
+        return 1.0
+    for sizes in _DIMENSIONS:
+        if unit in sizes and other in sizes:
+            return sizes[unit] / sizes[other]
+    return None
+
 
 WORSE_WHEN_SMALLER: Final = frozenset({"interpolated_pose"})
 """Causes whose fault grows as their magnitude falls: poses interpolated from 20 Hz are worse than from 50 Hz."""

@@ -14,11 +14,11 @@ from pydantic import TypeAdapter
 from fedora_qa.code_digest import PACKAGE, code_digest
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.documents import read_published
-from fedora_qa.record.power_types import WHOLE_FILE, Estimate, Power, Share
+from fedora_qa.record.power_study import WHOLE_FILE, Estimate, Power, Share
 
 PUBLISHED: Final = Path(__file__).with_name("published.json")
 
-MEASURED: Final = ("checks", "diagnosis", "estimators", "faults", "geometry", "judgement", "subjects", "views")
+MEASURED: Final = ("catalogue.py", "checks", "diagnosis", "estimators", "faults", "geometry", "judgement", "views")
 """Folders and files whose code and data decide which faults are found and which causes are named."""
 
 

@@ -14,7 +14,7 @@ from pydantic import Field, TypeAdapter
 from fedora_qa.causes import CAUSES
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.documents import read_json
-from fedora_qa.record.power_types import Kind
+from fedora_qa.record.power_study import Kind
 
 MANIFEST: Final = "manifest.json"
 

@@ -35,12 +35,9 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Final
 
-from fedora_qa.power.binomial import chance_of, share_of
-from fedora_qa.power.checked_file import MeasuredDeviation
-from fedora_qa.power.detection import CauseTrials, curve_of, is_found_by
-from fedora_qa.power.study import Trial
-from fedora_qa.power.units import factor_between
-from fedora_qa.record.power_types import ComparedBy, Curve, NotComparable, Share, StatedLimit, Truth
+from fedora_qa.power.detection import CauseTrials, chance_of, curve_of, factor_between, is_found_by, share_of
+from fedora_qa.power.study import MeasuredDeviation, Trial
+from fedora_qa.record.power_study import ComparedBy, Curve, NotComparable, Share, StatedLimit, Truth
 
 _FEWEST: Final = 3
 """Trials in which a measurement must have exceeded its limit, and faults near the limit that can test it."""

@@ -10,13 +10,11 @@ import numpy as np
 from fedora_qa import __version__
 from fedora_qa.config import RULESET_VERSION, CheckConfig
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
-from fedora_qa.power.binomial import share_of
-from fedora_qa.power.detection import by_cause, detections, false_alarms
+from fedora_qa.power.detection import by_cause, detections, factor_between, false_alarms, share_of
 from fedora_qa.power.detection_power import estimators_digest
 from fedora_qa.power.stated_limits import stated_limits
 from fedora_qa.power.study import Trial
-from fedora_qa.power.units import factor_between
-from fedora_qa.record.power_types import (
+from fedora_qa.record.power_study import (
     NO_CAUSE,
     NOT_FOUND,
     POWER_VERSION,

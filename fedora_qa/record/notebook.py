@@ -1,14 +1,14 @@
 """Text, lines, tables and whole pages as HTML for a notebook; all text from a file is escaped."""
 
+import html
 from collections.abc import Iterable, Sequence
-from html import escape
 
 from fedora_qa.record.wording import printable
 
 
 def html_text(text: str) -> str:
     """Return text as HTML, one harmless line."""
-    return escape(printable(text))
+    return html.escape(printable(text))
 
 
 def html_lines(lines: Iterable[str]) -> str:
@@ -27,7 +27,7 @@ def isolated_frame(page: str) -> str:
     """Return an HTML document in a frame whose scripts cannot reach the notebook."""
     return (
         # Sandboxed without ``allow-same-origin``: scripts of the report cannot reach the page of the notebook.
-        f'<iframe srcdoc="{escape(page)}" sandbox="allow-scripts" title="fedora-qa report" '
+        f'<iframe srcdoc="{html.escape(page)}" sandbox="allow-scripts" title="fedora-qa report" '
         'style="width: 100%; height: 800px; border: 1px solid #8888"></iframe>'
     )
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 from urllib.parse import quote
 
+from fedora_qa.record.ci import INCOMPLETE, Level, Problem, problems_of
 from fedora_qa.record.markdown import escape
-from fedora_qa.record.problems import INCOMPLETE, Level, Problem, problems_of
 from fedora_qa.record.types import Record
 from fedora_qa.record.wording import cause_sentence, place, printable, status_sentence
 

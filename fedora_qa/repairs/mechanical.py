@@ -24,11 +24,10 @@ from fedora_qa.faults import (
     index_maps,
     motion,
     pixels,
-    rectification,
     row_order,
     units,
 )
-from fedora_qa.faults.reversible import ReversibleFault
+from fedora_qa.faults.fault import ReversibleFault
 
 _MECHANICAL: Final = ""
 
@@ -75,7 +74,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         pixels.PixelShift: "Pixels that were shifted beyond the border are not stored; crop or render again.",
         axes.VectorAxes: _only_permuted,
         axes.CameraAxes: _MECHANICAL,
-        rectification.RectificationAxes: "A map follows from the calibration: compute it again.",
+        axes.RectificationAxes: "A map follows from the calibration: compute it again.",
         cameras.FocalLength: _only_declared,
         cameras.PrincipalPointShift: _only_declared,
         cameras.MountingRotation: _only_declared,

@@ -15,32 +15,31 @@ from fedora_qa.conventions import NS_PER_US
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import window_length_ns
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.run import check_file
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.errors import MisuseError, NotRepairableError, UnreadableFileError
 from fedora_qa.faults.clocks import TimeUnit
-from fedora_qa.faults.fault import FaultySequence
-from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
+from fedora_qa.faults.fault import FaultySequence, InapplicableError, ReversibleFault
 from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.dialect import DialectChoice, split_choice
-from fedora_qa.layout.walk import walk
+from fedora_qa.layout.hdf5_objects import walk
 from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Diagnosis
-from fedora_qa.repairs.declarations import changed_declarations, write_declaration
 from fedora_qa.repairs.mechanical import ROW_FAULTS, UNIT_FAULTS, exact, why_not_mechanical
-from fedora_qa.repairs.result import Omission, Repair, RepairStep
-from fedora_qa.repairs.verify import why_not_better
+from fedora_qa.repairs.result import Omission, Repair, RepairStep, why_not_better
 from fedora_qa.repairs.write import (
     DatasetChange,
+    changed_declarations,
     copy_bytes,
     open_copy,
     require_known_rows,
     require_whole,
     rewrite,
+    write_declaration,
     writing,
 )
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import SequenceRows, open_sequence
-from fedora_qa.storage.version import local_version
+from fedora_qa.storage.folder import local_version
 
 PROVENANCE: Final = "provenance/repairs"
 """Group of a repaired file with one text for each repair, named by its number: JSON with what was done."""

@@ -12,14 +12,13 @@ from fedora_qa.causes import allowed
 from fedora_qa.conventions import FORMAT_NAME, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding, canonical_rows, stored_dataset
-from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
 from fedora_qa.layout.canonical import ATTRIBUTES, RECTIFY_MAP, AttributeSpec, attributes_of, is_dataset_key
+from fedora_qa.layout.decodable import LARGEST_IMAGE_PIXELS
 from fedora_qa.layout.dialect import DEPTH_RANGE, EVENT_MODEL, T_BODY_IMU, UNKNOWN, VERTICAL
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
-from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_object
+from fedora_qa.layout.hdf5_objects import READ_ERRORS, RefusedError, find_object, stored_attribute, text_attribute
 from fedora_qa.layout.resolve import Layout
-from fedora_qa.layout.stored_attribute import stored_attribute, text_attribute
 from fedora_qa.sequence.declared import Camera, DeclarationProblem, Declared, EventModel, ImuModel, Lens, PoseModel
 
 Values = Mapping[str, Any]

@@ -20,17 +20,16 @@ from fedora_qa.layout.canonical import is_timed, timestamps_of
 from fedora_qa.layout.dialect import DialectChoice, split_choice
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder, matched_folder
-from fedora_qa.layout.links import RefusedError
+from fedora_qa.layout.hdf5_objects import RefusedError
 from fedora_qa.layout.resolve import Layout, resolve, unrecognised
 from fedora_qa.record.notebook import html_table, html_text
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import read_declared
+from fedora_qa.storage.folder import Version
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.remote_bytes import BLOCK_BYTES, RemoteBytes
-from fedora_qa.storage.server import version_of
+from fedora_qa.storage.server import NO_TRAFFIC, Traffic, version_of
 from fedora_qa.storage.signature import require_signature, require_signature_in
-from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
-from fedora_qa.storage.version import Version
 
 _NO_CHUNKS: Final = 0
 """Bytes of chunks that HDF5 keeps of each dataset: callers read whole chunks and keep them."""

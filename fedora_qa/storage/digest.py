@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final, Literal
 
-from fedora_qa.storage.folder import list_files
+from fedora_qa.storage.folder import Version, list_files, local_version
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.remote_bytes import RemoteBytes
-from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
-from fedora_qa.storage.version import Version, local_version
+from fedora_qa.storage.server import NO_TRAFFIC, Traffic
 
 _WHOLE_UP_TO: Final = 1 << 30
 _PIECE: Final = 1 << 20

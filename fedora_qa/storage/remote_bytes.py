@@ -6,11 +6,9 @@ from itertools import groupby
 from typing import Any, Final
 
 from fedora_qa.errors import StorageError
-from fedora_qa.storage.failures import changed_error
+from fedora_qa.storage.folder import Version
 from fedora_qa.storage.place import RemoteFile
-from fedora_qa.storage.server import Server
-from fedora_qa.storage.traffic import Traffic
-from fedora_qa.storage.version import Version
+from fedora_qa.storage.server import Server, Traffic, changed_error
 
 BLOCK_BYTES: Final = 1 << 18
 """For HDF5 files: large against its structure, small against images (docs/remote.md states how it was chosen)."""

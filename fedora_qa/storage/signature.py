@@ -1,5 +1,7 @@
-"""Test whether a file begins like HDF5, from its first bytes and without the HDF5 library."""
+"""Before HDF5 opens a file: whether it begins like HDF5, and how long the opening may take."""
 
+import math
+import os
 from contextlib import closing
 from typing import BinaryIO, Final
 
@@ -58,3 +60,25 @@ def require_signature_in(path: Place, file: BinaryIO | RemoteBytes) -> None:
         offset = 2 * offset or 512
     other = next((words for beginning, words in OTHER_FORMATS if start.startswith(beginning)), "something else")
     raise NotHdf5Error(f"Expected an HDF5 file, got {other} (no HDF5 signature): {path}")
+
+
+OPENING_VARIABLE: Final = "FEDORA_QA_OPENING_S"
+"""Environment variable: seconds within which a file must open."""
+
+
+def opening_limit_s(usual_s: float) -> float:
+    """Return the seconds that the environment sets, or the usual ones.
+
+    Raises
+    ------
+    MisuseError
+        The environment sets a limit that is no number above 0.
+    """
+    given = os.environ.get(OPENING_VARIABLE)
+    try:
+        limit_s = usual_s if given is None else float(given)
+    except ValueError:
+        limit_s = 0.0
+    if not 0.0 < limit_s < math.inf:
+        raise MisuseError(f"Expected seconds in {OPENING_VARIABLE}, such as 60, got {given!r}")
+    return limit_s

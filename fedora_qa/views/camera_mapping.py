@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.depth.edge_steps import DepthSteps
+from fedora_qa.estimators.depth.inverse_depth import DepthSteps
 from fedora_qa.geometry.lens import distorted, undistorted
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts

@@ -1,4 +1,4 @@
-"""A clock of the events that was set for a while: it leaves one step back, and mostly a step forwards to match."""
+"""Mistakes of clocks: one that was set for a while, and timestamps in another unit."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -9,7 +9,28 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.features import Feature
 from fedora_qa.sequence.facts import EventScan, EventStep
-from fedora_qa.views.timestamp_unit import unit_factor
+
+UNIT_FACTORS: Final = {
+    1e-6: "are in seconds",
+    1e-3: "are in milliseconds",
+    1.0: "agree with the other streams",
+    32.0: "are wall-clock time of a simulation that ran 32 times slower",
+    1e3: "are in nanoseconds",
+}
+"""Meaning of the ratio of a stream's duration to that of the others, for the mistakes that occur in real files."""
+
+UNIT_WITHIN: Final = 0.2
+"""Largest relative difference from a factor. Durations farther from all factors are streams that end early
+(clocks.span)."""
+
+
+def unit_factor(ratio: float) -> float:
+    """Return the first factor of ``UNIT_FACTORS`` that a ratio of durations is near to; 1 where there is none.
+
+    Near means a relative difference of ``UNIT_WITHIN`` at most.
+    """
+    return next((factor for factor in UNIT_FACTORS if abs(ratio / factor - 1) <= UNIT_WITHIN), 1.0)
+
 
 _BEHIND: Final = 2
 """k events in reverse make k - 1 steps back and as many that lie behind; a clock that is set back leaves many."""

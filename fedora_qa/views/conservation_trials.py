@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_MS
-from fedora_qa.estimators.events.row_kernels import count_between_frames
+from fedora_qa.estimators.events.pixels import count_between_frames
 from fedora_qa.estimators.events.shift import RADIUS_PX, cross_correlation
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import EventModel

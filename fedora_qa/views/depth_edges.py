@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.depth.edge_profiles import difference_profiles, root_counts, tile_profiles
-from fedora_qa.estimators.depth.edge_steps import depth_steps
+from fedora_qa.estimators.depth.inverse_depth import depth_steps
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import outlines_in_camera, why_not_comparable
 from fedora_qa.views.event_camera import sensor_shape
 from fedora_qa.views.flow_intervals import frame_at
-from fedora_qa.views.large_frames import is_large
-from fedora_qa.views.luma import luma_dn
+from fedora_qa.views.frames import is_large, luma_dn
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]

@@ -30,9 +30,8 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
-from fedora_qa.views.flow_intervals import PoseTrack, motion_between, pose_track
-from fedora_qa.views.frame_poses import pose_of_frame
-from fedora_qa.views.static_depth import has_static_depth, static_depth_m, why_no_static_depth
+from fedora_qa.views.flow_intervals import PoseTrack, motion_between, pose_of_frame, pose_track
+from fedora_qa.views.pixel_lattice import has_static_depth, static_depth_m, why_no_static_depth
 
 Float64 = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Events of a window on the sensor, and frames resampled to its pixels, shared by the checks of events."""
+"""Events of a window on the sensor, the step of their timestamps, and frames resampled to its pixels."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -7,18 +7,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_S, US_PER_S
+from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.estimators.clocks.grid import crowded_step_ns
 from fedora_qa.estimators.events.footprint import FootprintAxis, Footprints, column_axis, row_axis
 from fedora_qa.estimators.events.orientation import LEAST_LIGHT
-from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel
-from fedora_qa.estimators.events.row_kernels import count_between_frames
+from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel, count_between_frames
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
-from fedora_qa.views.large_frames import is_large
-from fedora_qa.views.luma import clipped, luma_dn
+from fedora_qa.views.frames import clipped, is_large, luma_dn
 
 HALO_NS: Final = 30_000_000
 """Time before and after a window whose events its checks may read: longer than any gap over which a level is known."""
@@ -517,3 +516,25 @@ def _resample_into(
     rounding_dn = ROUNDING_DN[window.facts.declared.transfer]
     footprints.resample(luma, clipped_px, rounding_dn, edge_aware=edge_aware, uniform=uniform, error=error)
     return target
+
+
+def local_tick_ns(window: Window) -> int:
+    """Return the step of the event timestamps in a window, though a few events lie off the grid.
+
+    Where nine events of ten share their timestamp with many others, the tick is the usual distance between such
+    timestamps.
+    """
+    return window.derived(_local_tick_ns)
+
+
+def _local_tick_ns(window: Window) -> int:
+    return max(tick_ns(window.facts), crowded_step_ns(all_events(window).times_ns))
+
+
+def tick_ns(facts: Facts) -> int:
+    """Return the step of the event timestamps: the grid on which all of them lie, a microsecond at least."""
+    declared = facts.declared.events
+    packet_ns = declared.packet_interval_us * NS_PER_US if declared is not None else 0
+    grid_ns = facts.events.grid_ns if facts.events is not None else 0
+    # Timestamps in the file are whole microseconds: no tick can be finer.
+    return max(NS_PER_US, packet_ns, grid_ns)

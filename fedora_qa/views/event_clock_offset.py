@@ -39,8 +39,15 @@ from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import GRID, corrected_events, pixel_events, resampled_frames, sorted_by_pixel
-from fedora_qa.views.event_tick import local_tick_ns, tick_ns
+from fedora_qa.views.event_camera import (
+    GRID,
+    corrected_events,
+    local_tick_ns,
+    pixel_events,
+    resampled_frames,
+    sorted_by_pixel,
+    tick_ns,
+)
 from fedora_qa.views.level_samples import (
     CAPTURE_RANGE_S,
     FARTHEST_OFFSET_NS,

@@ -1,6 +1,6 @@
-"""The fields of flow that a window owns: their intervals, the frames at their ends, and the camera's motion between."""
+"""Fields of flow of a window: intervals, frames and body poses at their ends, and the camera's motion."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -423,3 +423,82 @@ def place(facts: Facts, intervals: tuple[Interval, Interval], frame: int | None 
         pixel=pixel,
         tile=tile,
     )
+
+
+DELAY_NS: Final = NS_PER_S // 1000
+"""Step of the central difference of a motion by time, ns."""
+
+
+def motion_over(window: Window, interval: Interval) -> RigidMotion | None:
+    """Return how points move over an interval in the depth camera; None where no pose covers it.
+
+    Flow lies on the grid of that camera. Poses at all ends of the window's intervals, and ``DELAY_NS`` before and after
+    them, are interpolated at once.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the motion.
+    interval
+        Start and end, ns from the file's origin.
+
+    Returns
+    -------
+    RigidMotion or None
+        Of points in the camera frame (Z forward, X right, Y down).
+    """
+    return window.derived(_motion_over, interval.start_ns, interval.end_ns)
+
+
+def _motion_over(window: Window, start_ns: int, end_ns: int) -> RigidMotion | None:
+    track = pose_track(window, window.facts.declared.cameras["depth"])
+    poses = window.derived(_poses_at_ends)
+    before, after = poses.get(start_ns), poses.get(end_ns)
+    if before is None or after is None:
+        return track.motion(start_ns, end_ns)
+    return camera_motion(*before, *after, track.camera.T_body_camera)
+
+
+def _poses_at_ends(window: Window) -> Mapping[int, Pose]:
+    """Return the poses by their instants, those that are finite."""
+    intervals = [interval for stream in window.facts.flow_streams for interval in owned_intervals(window, stream)]
+    ends_ns = np.array([(interval.start_ns, interval.end_ns) for interval in intervals], dtype=np.int64).ravel()
+    # ``tile_templates`` differentiates the motion by central differences, so each end is needed three times.
+    instants_ns = np.unique(np.concatenate((ends_ns, ends_ns - DELAY_NS, ends_ns + DELAY_NS)))
+    R, positions_m = poses_at(finite_poses(window), instants_ns)
+    finite = np.isfinite(R).all(axis=(1, 2)) & np.isfinite(positions_m).all(axis=1)
+    return {int(instants_ns[i]): (R[i], positions_m[i]) for i in np.flatnonzero(finite)}
+
+
+def pose_of_frame(window: Window, track: PoseTrack, stream: str, frame: int) -> Pose:
+    """Return the pose of the body at a frame of a stream.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the poses of its frames.
+    track
+        Poses of the body.
+    stream
+        Stream of the frame.
+    frame
+        Row of the frame in the file.
+
+    Returns
+    -------
+    R_world_body, position_world_m
+        (3, 3) and (3,); NaN where no poses cover the frame.
+    """
+    # Poses of all frames of the window, and of the one before, are interpolated together: each by itself takes many
+    # times as long. They are of the body, and so the same for all cameras.
+    owned, times_ns = window.owned(stream), window.facts.clocks[stream].times_ns
+    first = max(owned.start - 1, 0)
+    if not first <= frame < owned.stop:
+        return track.pose(int(times_ns[frame]))
+    at_ns = times_ns[first : owned.stop]
+    R_world_body, positions_world_m = window.derived(_poses_at, at_ns.tobytes())
+    return R_world_body[frame - first], positions_world_m[frame - first]
+
+
+def _poses_at(window: Window, instants_ns: bytes) -> tuple[Float64, Float64]:
+    return poses_at(finite_poses(window), np.frombuffer(instants_ns, np.int64))

@@ -15,26 +15,23 @@ from fedora_qa.estimators.flow.motion_fit import Evidence
 from fedora_qa.estimators.flow.residual import (
     HALO_PX,
     TILE_PX,
-    TileResiduals,
-    tile_residuals,
-)
-from fedora_qa.estimators.flow.tiles import (
     TileGrid,
+    TileResiduals,
     known_patches,
     mean_derivatives,
     means_slopes_sines,
     pixels_of,
     places_of,
+    tile_residuals,
 )
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.so3 import cross_matrices
 from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.camera_motion import DELAY_NS, motion_over
 from fedora_qa.views.flow_comparison import is_noisy
-from fedora_qa.views.flow_intervals import Interval
-from fedora_qa.views.large_frames import is_large
+from fedora_qa.views.flow_intervals import DELAY_NS, Interval, motion_over
+from fedora_qa.views.frames import is_large
 from fedora_qa.views.warped_frames import FramePair, geometry_of, visible
 
 Float32 = NDArray[np.float32]

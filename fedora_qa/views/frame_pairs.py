@@ -14,8 +14,7 @@ from fedora_qa.layout.canonical import datasets_of
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import frame_at, owned_intervals
-from fedora_qa.views.large_frames import is_large
-from fedora_qa.views.luma import luma_dn
+from fedora_qa.views.frames import is_large, luma_dn
 from fedora_qa.views.warped_frames import Optics, optics_of
 
 Float32 = NDArray[np.float32]

@@ -12,9 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.events.excursions import EVERY_FRAME, ConservationLaw, Excursions, bound
-from fedora_qa.estimators.events.linear_runs import EventFreeRuns, follow_runs
-from fedora_qa.estimators.events.row_kernels import add_counts, mark_bursts
+from fedora_qa.estimators.events.conservation import (
+    EVERY_FRAME,
+    ConservationLaw,
+    EventFreeRuns,
+    Excursions,
+    bound,
+    follow_runs,
+)
+from fedora_qa.estimators.events.pixels import add_counts, mark_bursts
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import ROUNDING_DN, ResampledFrames, resampled_frames, sensor_events, sensor_shape

@@ -1,23 +1,23 @@
-"""Shared by the checks of IMU against pose: both streams, their fit, and the trial of other conventions."""
+"""IMU against pose: both streams, their fit, the trial of other conventions, and features of the result."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import group_of
-from fedora_qa.estimators.imu.conventions import explain_forces, explain_rates
+from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
 from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, fit_inertial
 from fedora_qa.estimators.imu.specific_force import upright
 from fedora_qa.estimators.imu.summary import InertialFit
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
-from fedora_qa.views.inertial_features import InertialConventionTrial, MotionKind
 from fedora_qa.views.motion_samples import (
     imu_model,
     imu_roundings,
@@ -32,6 +32,93 @@ from fedora_qa.views.motion_samples import (
     why_unusable,
 )
 from fedora_qa.views.sample_defects import frozen_imu
+
+MotionKind = Literal["rotation", "translation"]
+
+_CERTAIN_SIGMAS: Final = 8.0
+"""Standard errors that exceed the limit of any file, for any number of comparisons."""
+
+
+@dataclass(frozen=True, slots=True)
+class InertialConventionTrial(Feature):
+    """A convention under which IMU and poses agree where they do not as declared.
+
+    Attributes
+    ----------
+    convention
+        The convention, with its residual and that of the declared convention.
+    interval_s
+        Start and end of the time in which it holds, s; None for the whole sequence.
+    """
+
+    convention: InertialConvention
+    interval_s: tuple[float, float] | None = None
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the disagreement exceeds ``_CERTAIN_SIGMAS`` standard errors: no other measurement is then needed."""
+        value, error = self.convention.disagreement
+        return value - 1.0 > _CERTAIN_SIGMAS * error
+
+
+@dataclass(frozen=True, slots=True)
+class BiasOfPart(Feature):
+    """The bias of a part of the sequence that removes most of the residuals.
+
+    Attributes
+    ----------
+    kind
+        Kind of the comparison.
+    bias
+        (3,) along the axes of the sensor, rad/s or m/s^2.
+    start_ns, stop_ns
+        Of the part, ns from the file's origin; infinite where it reaches an end of the sequence.
+    explained
+        Share of the squares beyond noise that it removes, 0 to 1.
+    """
+
+    kind: MotionKind
+    bias: tuple[float, float, float]
+    start_ns: float
+    stop_ns: float
+    explained: float
+
+
+@dataclass(frozen=True, slots=True)
+class DriftingBias(Feature):
+    """A bias that changes evenly with time and removes nearly all of the residuals, as no constant one does.
+
+    Attributes
+    ----------
+    kind
+        Kind of the comparison.
+    largest
+        (3,) the longer one of the biases at both ends, along the axes of the sensor, rad/s or m/s^2.
+    explained
+        Share of the squares beyond noise that it removes, 0 to 1.
+    """
+
+    kind: MotionKind
+    largest: tuple[float, float, float]
+    explained: float
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetsApart(Feature):
+    """One sensor of the IMU is late and the other is not, so that their mean is the delay of neither.
+
+    Attributes
+    ----------
+    late
+        The comparison that has the delay: ``rotation`` for the gyro, ``translation`` for the accelerometer.
+    offset_s, standard_error_s
+        Delay of that sensor, s, positive where its samples are late, and its standard error.
+    """
+
+    late: MotionKind
+    offset_s: float
+    standard_error_s: float
+
 
 _FEWEST_POSES: Final = 16
 

@@ -38,11 +38,11 @@ from fedora_qa.views.event_camera import (
     ROUNDING_DN,
     ResampledFrames,
     events_around,
+    local_tick_ns,
     pixel_events,
     resampled_frames,
     sorted_by_pixel,
 )
-from fedora_qa.views.event_tick import local_tick_ns
 
 LONGEST_GAP_NS: Final = 20_000_000
 """Events farther apart do not determine a level: between them the level of a pixel may have any value within its

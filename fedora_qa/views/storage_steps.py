@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.depth.stored_step import depth_step
 from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples
-from fedora_qa.estimators.storage.steps import level_step, stored_step
+from fedora_qa.estimators.storage.steps import depth_step, level_step, stored_step
 from fedora_qa.layout.canonical import datasets_of_all, spec_of
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow.mask import edges, flow_conflicts, inverse_depth
 from fedora_qa.estimators.flow.motion_fit import fit_motion, twist_statistic
-from fedora_qa.estimators.flow.residual import HALO_PX, TILE_PX
-from fedora_qa.estimators.flow.tiles import patches_of, pixels_of
+from fedora_qa.estimators.flow.residual import HALO_PX, TILE_PX, patches_of, pixels_of
 from fedora_qa.estimators.flow.visibility import seen_in_both, seen_in_few_tiles
 from fedora_qa.estimators.flow.warp import (
     parts_about,
@@ -22,17 +21,15 @@ from fedora_qa.estimators.flow.warp import (
     smoothing_taps,
     taps_at_pixels,
 )
-from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2, luma_table
+from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2, luma_table, to_linear
 from fedora_qa.estimators.images.samples import noise_variances
-from fedora_qa.estimators.images.transfer import to_linear
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.camera_motion import motion_over
 from fedora_qa.views.event_camera import AXES_AGREE, CENTRES_AGREE_M, why_not_one_lens
 from fedora_qa.views.flow_comparison import is_noisy
-from fedora_qa.views.flow_intervals import Interval, PoseTrack, frame_at, pose_track
-from fedora_qa.views.luma import luma_dn
+from fedora_qa.views.flow_intervals import Interval, PoseTrack, frame_at, motion_over, pose_track
+from fedora_qa.views.frames import luma_dn
 from fedora_qa.views.pixel_lattice import sample_field
 
 Float32 = NDArray[np.float32]

@@ -12,7 +12,7 @@ from typing import Final
 import click
 
 from fedora_generator.errors import GeneratorError
-from fedora_qa.cli.lazy_group import LazyGroup
+from fedora_qa.cli.startup import LazyGroup
 
 MISUSE_EXIT_CODE = 2
 INTERRUPT_EXIT_CODE = 130

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 from scipy.special import erf
 
-from fedora_generator.flights.burst import BurstOptions
 from fedora_generator.flights.gusts import draw_gusts
-from fedora_generator.flights.kinds import HoverOptions, LoopOptions, SurveyOptions, WaypointsOptions
+from fedora_generator.flights.kinds import BurstOptions, HoverOptions, LoopOptions, SurveyOptions, WaypointsOptions
 from fedora_generator.flights.quadrotor import FlightState, Quadrotor
 from fedora_generator.rotations import body_rates_from_zyx, matrices_from_quaternions, quaternions_from_zyx
 

@@ -10,20 +10,18 @@ import numpy as np
 
 from fedora_generator.camera import colour_camera, event_camera
 from fedora_generator.choices import DEFAULT_DURATION_S, STREAMS, Quality
-from fedora_generator.disk_space import expected_bytes, least_bytes, require_disk_space, shortage_warning
 from fedora_generator.errors import SceneError
 from fedora_generator.events.stream import EventRecorder
-from fedora_generator.frames import create_frames
-from fedora_generator.inertial_streams import write_imu_stream, write_pose_stream
-from fedora_generator.instants import pieces, timestamps_us, whole_us
-from fedora_generator.memory import require_memory
 from fedora_generator.mesh.context import open_context
-from fedora_generator.metadata import write_root
 from fedora_generator.partial_file import partial_file, require_writable
+from fedora_generator.rates import pieces, timestamps_us, whole_us
 from fedora_generator.rendered_world import RenderedWorld
+from fedora_generator.resources import expected_bytes, least_bytes, require_disk_space, require_memory, shortage_warning
 from fedora_generator.sampling import MOTION_BOUND_PX
 from fedora_generator.scene import Scene
+from fedora_generator.streams import create_frames, write_imu_stream, write_pose_stream
 from fedora_generator.surroundings import Surroundings, render_surroundings, surroundings_of
+from fedora_generator.write import write_root
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.errors import did_you_mean
 

@@ -7,26 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.camera import Camera
-from fedora_generator.surfaces.faces import Faces, faces_of, moved
-from fedora_generator.surfaces.lens_kernels import (
-    lens_scratch,
-    render_centres_through_lens,
-    render_radiance_through_lens,
-)
+from fedora_generator.surfaces.faces import Faces, faces_of, moved, pixel_rays, project_faces
 from fedora_generator.surfaces.light import WHITE_DN, Light, even_irradiance, lamps_over_faces
-from fedora_generator.surfaces.movement import Movement
-from fedora_generator.surfaces.projection import pixel_rays, project_faces
 from fedora_generator.surfaces.render_kernels import (
+    lens_scratch,
     render_bodies,
+    render_centres_through_lens,
     render_inverse_depth,
     render_radiance,
+    render_radiance_through_lens,
     tile_count,
     tile_scratch,
 )
 from fedora_generator.surfaces.shading_kernels import Surfaces, View
 from fedora_generator.surfaces.texture_kernels import TextureTable
 from fedora_generator.surfaces.textures import texture_table
-from fedora_generator.surfaces.world import World
+from fedora_generator.surfaces.world import Movement, World
 from fedora_generator.threads import in_threads
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB, US_PER_S
 

@@ -54,9 +54,8 @@ from fedora_generator.events.options import EventSensorOptions
 from fedora_generator.flight import Flight
 from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice
 from fedora_generator.flights.kinds import QuadrotorOptions
-from fedora_generator.imu import ImuOptions
-from fedora_generator.mesh.detail import MeshDetail
-from fedora_generator.pose import PoseOptions
+from fedora_generator.imu import ImuOptions, PoseOptions
+from fedora_generator.mesh.model import MeshDetail
 from fedora_generator.rates import RateOptions
 from fedora_generator.scene_tables import impossible_value, read_scene, scene_path
 from fedora_generator.surfaces.light import Light

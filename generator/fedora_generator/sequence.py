@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from fedora_generator.choices import DEFAULT_DURATION_S, Quality
 from fedora_generator.generate import Request, generate_sequence
-from fedora_generator.instants import whole_us
+from fedora_generator.rates import whole_us
 from fedora_generator.scene import load_scene
 
 

@@ -9,9 +9,8 @@ from fedora_generator.camera import colour_camera
 from fedora_generator.choices import Quality
 from fedora_generator.errors import SceneError
 from fedora_generator.mesh import places
-from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.mesh.from_world import FINEST_TEXEL_RAD, model_of_world
-from fedora_generator.mesh.model import MeshModel
+from fedora_generator.mesh.model import MeshDetail, MeshModel
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.render import ExactWorld
 from fedora_generator.rendered_world import RenderedWorld

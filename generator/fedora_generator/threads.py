@@ -1,10 +1,18 @@
-"""Equal shares of a loop, each in a thread of its own."""
+"""How loops run: equal shares in threads, compiled without counting references."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final, TypeVar
 
 import numba
+
+UNCOUNTED: Final[dict[str, Any]] = {"_nrt": False}
+"""Options of ``numba.njit`` for a loop that makes no arrays, and whose callees make none.
+
+Numba counts the references to each array, atomically, wherever compiled code passes it on. In the loops over pixels
+that costs more than their arithmetic (``adaptive/README.md``). Numba does not compile such a loop if it makes an array.
+"""
+
 
 Result = TypeVar("Result")
 

@@ -12,13 +12,12 @@ from fedora_qa.record.evidence import TRAJECTORY, named
 from fedora_qa.record.wording import number, printable
 from fedora_reports import trajectory
 from fedora_reports.clouds import CloudAxis, CloudView, box_scene
+from fedora_reports.colour_maps import png_uri
 from fedora_reports.evidence import Array, Evidence
-from fedora_reports.frusta import OUTLINE, frusta_of
-from fedora_reports.pictures import png_uri
 from fedora_reports.scales import Tick
 from fedora_reports.timeline import AnchoredFinding
 from fedora_reports.trajectory import TrajectoryPicture
-from fedora_reports.trajectory_path import box_around, flown_path, speed_colours
+from fedora_reports.trajectory_path import OUTLINE, box_around, flown_path, frusta_of, speed_colours
 from fedora_reports.trajectory_views import Mark
 from fedora_reports.world import draw_world, world_of, world_scene
 

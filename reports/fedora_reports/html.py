@@ -12,9 +12,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
-from fedora_qa.record.csv_tables import table_to_csv
 from fedora_qa.record.json_io import record_from_json, record_to_json
 from fedora_qa.record.latex import LATEX_NEEDS, latex_table
+from fedora_qa.record.tables import table_to_csv
 from fedora_qa.record.types import Record
 from fedora_qa.record.wording import printable
 from fedora_reports.detection_power import NOTHING_KNOWN, PassDetectionPower

@@ -7,9 +7,9 @@ import numpy as np
 from fedora_qa.record.wording import number
 from fedora_reports import colour_maps
 from fedora_reports.charts import Chart, series_chart
+from fedora_reports.colour_maps import Image, drawing
 from fedora_reports.evidence import Array, Evidence, finite
-from fedora_reports.legends import ColourBar, colour_bar
-from fedora_reports.pictures import Image, drawing
+from fedora_reports.panels import ColourBar, colour_bar
 from fedora_reports.scales import Axis
 
 _COARSE_PX = 160

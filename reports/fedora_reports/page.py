@@ -1,8 +1,9 @@
-"""The page of a report as values: the template shows them and computes nothing."""
+"""The page of a report as values, with verdict, provenance and agreement of streams."""
 
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from pathlib import PurePath
 from types import MappingProxyType
 from typing import Any, Final
@@ -22,12 +23,22 @@ from fedora_qa.record.evidence import (
     TRAJECTORY,
     TRIALS,
 )
-from fedora_qa.record.several_files import gravest_verdict, names_in_release
-from fedora_qa.record.types import FileRecord, Record, Verdict
-from fedora_qa.record.wording import cause_sentence, findings_of, identity, tally, why_incomplete
-from fedora_reports.agreement import Agreement, agreement_of
+from fedora_qa.record.types import FileRecord, Outcome, Record, Scalar, Verdict, gravest_verdict, names_in_release
+from fedora_qa.record.wording import (
+    OUTCOME_WORDS,
+    basis_of_clean,
+    canaries_seen,
+    cause_sentence,
+    findings_of,
+    identity,
+    immaterial_count,
+    number,
+    tally,
+    why_incomplete,
+)
 from fedora_reports.anchors import Anchors
 from fedora_reports.charts import Chart, distributions_of
+from fedora_reports.clouds import EventCloud, event_clouds_of
 from fedora_reports.detection_power import (
     NOTHING_KNOWN,
     DetectionPowerRow,
@@ -36,17 +47,196 @@ from fedora_reports.detection_power import (
     detection_power_rows,
     pass_limits_of,
 )
-from fedora_reports.event_clouds import EventCloud, event_clouds_of
-from fedora_reports.evidence import evidence_of
+from fedora_reports.evidence import Evidence, evidence_of
 from fedora_reports.flight import Flight, flight_of
 from fedora_reports.maps import Exhibits, exhibits
 from fedora_reports.problems import Link, Problems, problems_of
-from fedora_reports.provenance import Provenance, file_provenance, run_provenance
 from fedora_reports.statistics import Table, all_statistics, paper_tables
 from fedora_reports.strip import Strip, pictures_of
 from fedora_reports.subjects import Subject, subjects_of
 from fedora_reports.timeline import AnchoredFinding, Sparkline, Timeline, sparkline_of, timeline_of
-from fedora_reports.verdict import TITLES, VerdictText, verdict_of
+
+TITLES: Final[dict[Verdict, str]] = {"clean": "Passed", "findings": "Failed", "incomplete": "Incomplete"}
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """The checks with one outcome: their number, and their place on a bar of all checks, as shares of it."""
+
+    outcome: Outcome
+    word: str
+    count: int
+    left: float
+    width: float
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictText:
+    """The verdict, a sentence with its reason, and a sentence on the checks that it rests on."""
+
+    verdict: Verdict
+    title: str
+    sentence: str
+    basis: str
+    shares: tuple[Share, ...]
+
+
+def verdict_of(file: FileRecord) -> VerdictText:
+    """Return the verdict of a file in words."""
+    outcomes = Counter(result.outcome for result in file.results)
+    failed = outcomes["failed"]
+    if file.verdict == "incomplete":
+        more = f" {checks(failed).capitalize()} failed." if failed else ""
+        sentence = f"No verdict can be given: {why_incomplete(file)}.{more}"
+    elif file.verdict == "findings":
+        causes = len(file.diagnoses)
+        named = {0: "no cause could be named", 1: "one probable cause is named"}.get(
+            causes, f"{causes} probable causes are named"
+        )
+        sentence = f"{checks(failed).capitalize()} failed; {named}."
+    elif deviations := immaterial_count(file.results):
+        are = "1 is" if deviations == 1 else f"{deviations} are"
+        sentence = f"No check found a deviation that matters; {are} measurable and not material."
+    else:
+        sentence = "No check found a deviation from a correct file."
+    rests_on = basis_of_clean(file).removeprefix("clean: ")
+    if rests_on:
+        sentence = f"{sentence} The verdict {rests_on}."
+
+    conclusive = [result for result in file.results if result.outcome in {"passed", "failed", "warned"}]
+    if conclusive:
+        complete = sum(
+            result.coverage.seen >= result.coverage.of for result in conclusive if result.coverage is not None
+        )
+        extent = "all of them" if complete == len(conclusive) else f"{complete} of them"
+        measured = sum(len(result.measurements) for result in conclusive)
+        basis = (
+            f"It rests on {checks(len(conclusive))} with {measured} measurements; {extent} covered all of their data."
+        )
+    else:
+        basis = f"None of {checks(len(file.results))} came to a verdict." if file.results else "No check was run."
+    canaries = canaries_seen(file)
+    if canaries:
+        basis = f"{basis} {canaries[:1].upper()}{canaries[1:]}."
+
+    present = [outcome for outcome in OUTCOME_WORDS if outcomes[outcome]]
+    widths = [outcomes[outcome] / len(file.results) for outcome in present]
+    shares = tuple(
+        Share(outcome, OUTCOME_WORDS[outcome], outcomes[outcome], left, width)
+        for outcome, left, width in zip(present, accumulate(widths, initial=0.0), widths, strict=False)
+    )
+    return VerdictText(file.verdict, TITLES[file.verdict], sentence, basis, shares)
+
+
+def checks(count: int) -> str:
+    """Return ``1 check``, ``2 checks``."""
+    return f"{count} check" if count == 1 else f"{count} checks"
+
+
+_CHECK = "check "
+"""Prefix of the names of those seconds that belong to one check."""
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Facts as pairs of name and value, and tables."""
+
+    facts: tuple[tuple[str, str], ...]
+    tables: tuple[Table, ...]
+
+
+def file_provenance(file: FileRecord, evidence: Evidence) -> Provenance:
+    """Return the identity of a file, what was inferred about it, and the arrays that were kept of it.
+
+    Parameters
+    ----------
+    file
+        The record of the file.
+    evidence
+        The arrays of the file.
+    """
+    digest = f"{file.sha256}{' (of parts of the file)' if file.digest_kind == 'partial' else ''}"
+    facts = [
+        ("Path", file.path),
+        ("Size", f"{file.size / 1e6:.1f} MB"),
+        ("SHA-256", digest),
+        ("Dialect", file.dialect or "not recognised"),
+        *((f"Inferred: {name.replace('_', ' ')}", _fact(value)) for name, value in file.inferred.items()),
+    ]
+    tables, rows, size = [], [], 0
+    for name in evidence.names():
+        array = evidence.arrays[name]
+        shape = " × ".join(map(str, array.shape)) or "one number"
+        rows.append((name, evidence.title(name), shape, str(array.dtype), f"{array.nbytes / 1e3:.1f}"))
+        size += array.nbytes
+    if rows:
+        note = f"{size / 1e6:.2f} MB before compression."
+        tables.append(Table("Evidence", note, ("array", "title", "shape", "type", "kB"), tuple(rows), numeric=False))
+    if evidence.missing:
+        missing = tuple((name, evidence.title(name)) for name in evidence.missing)
+        tables.append(Table("Evidence that is missing", "", ("array", "title"), missing, numeric=False))
+    return Provenance(tuple(facts), tuple(tables))
+
+
+def run_provenance(record: Record) -> Provenance:
+    """Return the tool and the configuration of a run, its machine, and the time that it took."""
+    facts = [
+        ("Made by", f"{record.tool.name} {record.tool.version}, ruleset {record.ruleset_version}"),
+        ("Started", record.run.started),
+        ("Effort", record.effort or "not stated"),
+        ("Profile", record.profile),
+        ("Configuration", record.config_digest),
+        ("Record version", record.record_version),
+    ]
+    seconds = record.run.seconds
+    stages = {name: spent for name, spent in seconds.items() if not name.startswith(_CHECK)}
+    checks = {name.removeprefix(_CHECK): spent for name, spent in seconds.items() if name.startswith(_CHECK)}
+    slowest = dict(sorted(checks.items(), key=lambda item: -item[1]))
+    host = tuple((name.replace("_", " "), _fact(value)) for name, value in record.run.host.items())
+    tables = (
+        _seconds("Seconds by stage", stages),
+        _seconds("Seconds by check", slowest),
+        Table("Machine", "", ("fact", "value"), host),
+    )
+    return Provenance(tuple(facts), tuple(table for table in tables if table.rows))
+
+
+def _seconds(title: str, spent: Mapping[str, float]) -> Table:
+    return Table(title, "", ("part", "seconds"), tuple((name, f"{value:.3f}") for name, value in spent.items()))
+
+
+def _fact(value: Scalar) -> str:
+    return number(value) if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True, slots=True)
+class AgreementCell:
+    """The checks that compare two streams; none of them failed where the streams agree."""
+
+    passed: int
+    failed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """Streams, and for each of them a row with a cell for each stream; None on the diagonal and where no check is."""
+
+    streams: tuple[str, ...]
+    rows: tuple[tuple[AgreementCell | None, ...], ...]
+
+
+def agreement_of(evidence: Evidence) -> Agreement | None:
+    """Return the table of a file; None where no pair of streams was kept."""
+    cells: dict[frozenset[str], AgreementCell] = {}
+    for name in evidence.under(AGREEMENT):
+        counts = evidence.numbers(name, 2)
+        pair = name.split("/")[1:]
+        if counts is not None and len(pair) == 2:
+            cells[frozenset(pair)] = AgreementCell(int(counts[0]), int(counts[1]))
+    streams = tuple(sorted({stream for pair in cells for stream in pair}))
+    rows = tuple(tuple(cells.get(frozenset((row, column))) for column in streams) for row in streams)
+    return Agreement(streams, rows) if streams else None
+
 
 NO_PRICES: Final[Mapping[str, str]] = MappingProxyType({})
 """Where no price of a fault was measured."""

@@ -1,6 +1,7 @@
-"""The panels of a snapshot, beside each other: colour frame, events over it, depth, flow, and the flow's residual."""
+"""The panels of a snapshot, the scales that a file shares, and the legends of pictures."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,11 +10,81 @@ import numpy as np
 
 from fedora_qa.record.wording import number
 from fedora_reports import colour_maps
+from fedora_reports.colour_maps import Image, drawing, photograph
 from fedora_reports.evidence import Array, finite
-from fedora_reports.picture_scales import PictureScales, flow_lengths_px
-from fedora_reports.pictures import Image, drawing, photograph
-from fedora_reports.scales import Axis
+from fedora_reports.scales import Axis, Tick
 from fedora_reports.snapshots import Snapshot
+
+_DARK_DN = 64.0
+"""Frames whose brightest hundredth stays below this are too dark to look at, and are brightened."""
+
+_LEAST_RESIDUAL_DN = 16.0
+"""Residuals below this occur in correct files: frames are averaged over blocks, and the view of a texture changes."""
+
+_NO_VALUES = [np.empty(0)]
+
+
+@dataclass(frozen=True, slots=True)
+class PictureScales:
+    """How values become colours.
+
+    Attributes
+    ----------
+    gain
+        Whole factor by which frames are brightened; 1 shows them as stored.
+    depth_m
+        Logarithmic; None where no depth is known.
+    full_flow_px_s
+        Flow of this speed or more has its full colour: the 99th percentile, so that one pixel does not fade the rest.
+        It is a speed, because the intervals of the fields have different lengths; an unknown interval counts as 1 s.
+    full_events
+        Events a pixel that are drawn opaque: the 99th percentile over the pixels with events, rounded up.
+    full_residual_dn
+        Residuals of this size or more have the full colour: the 99th percentile, but at least the residual that noise
+        and averaging leave in a correct file.
+    """
+
+    gain: int
+    depth_m: Axis | None
+    full_flow_px_s: float
+    full_events: int
+    full_residual_dn: float
+
+
+def scales_for(snapshots: Sequence[Snapshot]) -> PictureScales:
+    """Return the scales that suit all of these snapshots."""
+    brightest_dn = max((float(np.percentile(snapshot.rgb, 99)) for snapshot in snapshots if snapshot.rgb is not None),
+                       default=255.0)  # fmt: skip
+    depths_m, speeds_px_s, residuals_dn, events = [], [], [], []
+    for snapshot in snapshots:
+        if snapshot.depth_m is not None:
+            snapshot_depths_m = finite(snapshot.depth_m)
+            depths_m.append(snapshot_depths_m[snapshot_depths_m > 0])
+        if snapshot.flow_px is not None:
+            speeds_px_s.append(flow_lengths_px(snapshot.flow_px) / snapshot.flow_interval_s)
+        if snapshot.residual_dn is not None:
+            residuals_dn.append(np.abs(finite(snapshot.residual_dn)))
+        if snapshot.brighter is not None and snapshot.darker is not None:
+            snapshot_events = finite(snapshot.brighter) + finite(snapshot.darker)
+            events.append(snapshot_events[snapshot_events > 0])
+    depth_m, speed_px_s = np.concatenate(depths_m or _NO_VALUES), np.concatenate(speeds_px_s or _NO_VALUES)
+    residual_dn, count = np.concatenate(residuals_dn or _NO_VALUES), np.concatenate(events or _NO_VALUES)
+    least_dn = _LEAST_RESIDUAL_DN
+    return PictureScales(
+        gain=max(int(160.0 / max(brightest_dn, 1.0)), 1) if brightest_dn < _DARK_DN else 1,
+        depth_m=Axis(float(depth_m.min()), float(depth_m.max()), logarithmic=True) if depth_m.size else None,
+        full_flow_px_s=float(np.percentile(speed_px_s, 99)) if speed_px_s.size else 0.0,
+        full_events=math.ceil(np.percentile(count, 99)) if count.size else 1,
+        full_residual_dn=max(float(np.percentile(residual_dn, 99)), least_dn) if residual_dn.size else least_dn,
+    )
+
+
+def flow_lengths_px(flow_px: Array) -> Array:
+    """Return the finite lengths of flow (h, w, 2) as one row. Infinite lengths, which have no scale, are left out."""
+    u, v = (np.asarray(flow_px[..., k], dtype=np.float64) for k in (0, 1))
+    with np.errstate(invalid="ignore", over="ignore"):
+        return finite(np.hypot(u, v))
+
 
 Kind = Literal["frame", "events", "depth", "flow", "residual"]
 
@@ -171,3 +242,84 @@ def _within(interval_us: Array | None) -> str:
     if interval_us is None:
         return ""
     return f" in {number(float(interval_us[1] - interval_us[0]) / 1e3)}\N{NO-BREAK SPACE}ms"
+
+
+_WHEEL_PX = 88
+_BAR_STEPS = 160
+
+
+@dataclass(frozen=True, slots=True)
+class ColourBar:
+    """A strip of colours, low values on the left, with ticks at round values."""
+
+    image: Image
+    ticks: tuple[Tick, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Legend:
+    """The meaning of the colours of one kind of picture."""
+
+    kind: Kind
+    name: str
+    text: str
+    bar: ColourBar | None = None
+    wheel: Image | None = None
+
+
+def legends_for(panels: tuple[Panel, ...], scales: PictureScales) -> tuple[Legend, ...]:
+    """Return a legend for each kind of panel, in the order of the panels.
+
+    Parameters
+    ----------
+    panels
+        All panels of the file.
+    scales
+        The scales that their pictures share.
+    """
+    legends = []
+    for kind in dict.fromkeys(panel.kind for panel in panels):
+        bar, wheel = None, None
+        if kind == "frame":
+            brightness = f"shown {scales.gain} times as bright" if scales.gain > 1 else "shown as stored"
+            text = f"8-bit values (DN), {brightness}"
+        elif kind == "events":
+            full = f"opaque from {scales.full_events} a pixel" if scales.full_events > 1 else "opaque where one fell"
+            text = f"over the frame in grey, {full}"
+        elif kind == "depth":
+            text = "metres; grey: none"
+            if scales.depth_m is not None:
+                near, far = number(scales.depth_m.low), number(scales.depth_m.high)
+                alt = f"Colours of depth from {near} m (yellow) to {far} m (violet)"
+                text = "metres, logarithmic; grey: none"
+                bar = colour_bar(scales.depth_m, colour_maps.SEQUENTIAL, alt, reverse=True)
+        elif kind == "flow":
+            text = f"hue: direction; saturation: length, full from {scales.full_flow_px_s:.3g} px/s; grey: none"
+            alt = "Colours of flow: right red, down green, left cyan, up violet"
+            wheel = drawing(colour_maps.flow_wheel(_WHEEL_PX), alt)
+        else:
+            full = number(scales.full_residual_dn)
+            alt = f"Colours of residuals from -{full} DN (blue) to {full} DN (red)"
+            text = "DN: the next frame, carried back by the flow, minus this one; grey: none"
+            bar = colour_bar(Axis(-scales.full_residual_dn, scales.full_residual_dn), colour_maps.DIVERGING, alt)
+        legends.append(Legend(kind, NAMES[kind], text, bar, wheel))
+    return tuple(legends)
+
+
+def colour_bar(axis: Axis, table: colour_maps.Picture, alt: str, *, reverse: bool = False) -> ColourBar:
+    """Return the colours of a table along an axis.
+
+    Parameters
+    ----------
+    axis
+        The scale of the values.
+    table
+        (256, 3), the colours from the low end of the axis to the high one.
+    alt
+        What the bar shows, in words.
+    reverse
+        Give the low end the last colour of the table.
+    """
+    ramp = np.linspace(1.0, 0.0, _BAR_STEPS) if reverse else np.linspace(0.0, 1.0, _BAR_STEPS)
+    picture = np.repeat(colour_maps.by_table(ramp[None, :], table), 8, axis=0)
+    return ColourBar(drawing(picture, alt), axis.ticks(4))

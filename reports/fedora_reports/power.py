@@ -9,8 +9,17 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Final
 
-from fedora_qa.record.power_tables import curve_words, share_words, tables_of
-from fedora_qa.record.power_types import POWER, WHOLE_FILE, Curve, Detection, Power, StatedLimit
+from fedora_qa.record.power_study import (
+    POWER,
+    WHOLE_FILE,
+    Curve,
+    Detection,
+    Power,
+    StatedLimit,
+    curve_words,
+    share_words,
+    tables_of,
+)
 from fedora_reports.charts import HEIGHT, WIDTH
 from fedora_reports.html import environment
 from fedora_reports.scales import Axis, Tick

@@ -5,9 +5,7 @@ from dataclasses import dataclass
 
 from fedora_reports.anchors import Anchors
 from fedora_reports.evidence import Evidence
-from fedora_reports.legends import Legend, legends_for
-from fedora_reports.panels import Panel, panels_of, seconds
-from fedora_reports.picture_scales import PictureScales, scales_for
+from fedora_reports.panels import Legend, Panel, PictureScales, legends_for, panels_of, scales_for, seconds
 from fedora_reports.snapshots import Snapshot, snapshots_of, trial_snapshots_of, worst_location_of
 
 

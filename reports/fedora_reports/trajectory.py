@@ -14,8 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from fedora_qa.record.wording import number
-from fedora_reports.frusta import Frusta
-from fedora_reports.trajectory_path import FlownPath, box_around, flown_path
+from fedora_reports.trajectory_path import FlownPath, Frusta, box_around, flown_path
 from fedora_reports.trajectory_views import Mark, draw_views, without_path
 
 TIME_LIMIT_S: Final = 120.0

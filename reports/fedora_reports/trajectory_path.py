@@ -1,4 +1,4 @@
-"""The path of a flight as drawings need it: the poses that can be drawn, and a box of round metres around them."""
+"""The path of a flight as drawings need it: poses, a box of round metres, frusta, and the camera."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -7,7 +7,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.record.evidence import FRUSTA, FRUSTUM_CAMERAS, named
 from fedora_reports.colour_maps import SEQUENTIAL
+from fedora_reports.evidence import Evidence
 from fedora_reports.scales import Axis
 
 Float64 = NDArray[np.float64]
@@ -134,3 +136,136 @@ def round_step_m(rough_m: float) -> float:
     """Return the least 1, 2 or 5 times a power of ten that is not below ``rough_m``."""
     power = 10.0 ** np.floor(np.log10(rough_m))
     return float(next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= rough_m * (1 - 1e-9)))
+
+
+OUTLINE: Final = (0, 1, 5, 2, 1, 4, 0, 3, 4, 3, 2, 0)
+"""Corners of a frustum in the order in which one line draws all of its edges."""
+
+_REACH: Final = 0.1
+"""Length of the rays to the corners as a share of the longest side of the box."""
+_PEAK: Final = 0.3
+"""Height of the peak above the upper edge as a share of the image's height."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frusta:
+    """Views of one camera.
+
+    Attributes
+    ----------
+    camera
+        Its stream.
+    centres_world_m
+        (f, 3) centres of projection.
+    rays_world
+        (f, 4, 3), to the top left, top right, bottom right and bottom left corner of the image.
+    """
+
+    camera: str
+    centres_world_m: Float64
+    rays_world: Float64
+
+    @property
+    def sentence(self) -> str:
+        """What a drawing of them shows, for its caption."""
+        return f"Frusta show the view of the camera of {self.camera}; a peak marks the upper edge of its image."
+
+    def places(self, box: Box) -> Float64:
+        """Return the corners of frusta that do not overlap, about the middle of a box, in units of its longest side.
+
+        One whose centre lies outside of the box is left out, and one of which no corner is as far from that of another
+        as the rays are long: neighbours touch at most.
+
+        Returns
+        -------
+        ndarray
+            (g, 6, 3): the centre of projection, the four corners of the image, and a peak above its upper edge.
+        """
+        with np.errstate(all="ignore"):
+            lengths = np.linalg.norm(self.rays_world, axis=-1).max(axis=-1)
+            within = ((self.centres_world_m >= box.low_m) & (self.centres_world_m <= box.high_m)).all(axis=-1)
+        usable = within & np.isfinite(lengths) & (lengths > 0)
+        centres = (self.centres_world_m[usable] - box.centre_m) / box.span_m
+        image = self.rays_world[usable] * (_REACH / lengths[usable, None, None])
+        top, bottom = image[:, :2].mean(axis=1), image[:, 2:].mean(axis=1)
+        peak = top + _PEAK * (top - bottom)
+        offsets = np.concatenate([np.zeros_like(peak)[:, None], image, peak[:, None]], axis=1)
+        places: Float64 = centres[:, None] + offsets
+        apart: list[int] = []
+        for row, corners in enumerate(places):
+            if all(np.linalg.norm(corners - places[other], axis=-1).max() >= _REACH for other in apart):
+                apart.append(row)
+        return places[apart]
+
+
+def frusta_of(evidence: Evidence) -> Frusta | None:
+    """Return the frusta of the file; None where none were kept, or their arrays do not fit."""
+    for camera in FRUSTUM_CAMERAS:
+        centres_m = evidence.numbers(named(FRUSTA, camera, "centres_world_m"), None, 3)
+        rays = (
+            None if centres_m is None else evidence.numbers(named(FRUSTA, camera, "rays_world"), len(centres_m), 4, 3)
+        )
+        if centres_m is not None and rays is not None:
+            return Frusta(camera, centres_m.astype(np.float64), rays.astype(np.float64))
+    return None
+
+
+_ELEVATION_RAD: Final = np.radians(27.0)
+_OFF_THE_SIDE_RAD: Final = np.radians(62.0)
+"""Angle between the direction of flight and the direction of the view: a straight flight is shown mostly sideways."""
+_USUAL_AZIMUTH_RAD: Final = np.radians(-62.0)
+"""A view from the south-south-east, east to the right."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A perspective camera. ``eye`` and ``target`` (3,); ``axes`` (3, 3): right, up and backward as rows."""
+
+    eye: Float64
+    target: Float64
+    axes: Float64
+
+    def project(self, points: Float64) -> Float64:
+        """Return points (n, 3) as (right, up) slopes (n, 2) off the line of sight."""
+        local = (points - self.eye) @ self.axes.T
+        slopes: Float64 = local[:, :2] / -local[:, 2:]
+        return slopes
+
+
+def view_of(positions: Float64, corners: Float64, most_slopes: tuple[float, float]) -> View:
+    """Return the view across the main direction of a path, from the least distance from which all corners are visible.
+
+    Parameters
+    ----------
+    positions
+        (n, 3), the path.
+    corners
+        (m, 3), the corners of its box, in the same units.
+    most_slopes
+        The greatest slopes off the line of sight, to the right and upward.
+    """
+    # The eye is beside the main horizontal direction, on the side nearest to the usual view.
+    azimuth_rad = float(_USUAL_AZIMUTH_RAD)
+    flat = positions[:, :2] - positions[:, :2].mean(axis=0)
+    spread = flat.T @ flat
+    if np.ptp(np.linalg.eigvalsh(spread)) > 0.5 * np.trace(spread):
+        main = np.linalg.eigh(spread)[1][:, -1]
+        along_rad = np.arctan2(main[1], main[0])
+        choices_rad = [along_rad + sign * _OFF_THE_SIDE_RAD + turn for sign in (-1, 1) for turn in (0.0, np.pi)]
+        azimuth_rad = float(max(choices_rad, key=lambda choice_rad: np.cos(choice_rad - _USUAL_AZIMUTH_RAD)))
+    across = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0])
+    backward_axis = np.cos(_ELEVATION_RAD) * across + np.sin(_ELEVATION_RAD) * np.array([0.0, 0.0, 1.0])
+    right_axis = np.array([-across[1], across[0], 0.0])
+    axes = np.stack([right_axis, np.cross(backward_axis, right_axis), backward_axis])
+    right, up, backward = (corners @ axes.T).T
+    # A corner is visible where |offset| <= slope * depth: both sides of a direction bound target and distance together.
+    (target_right, distance_right) = _between(right, backward, most_slopes[0])
+    (target_up, distance_up) = _between(up, backward, most_slopes[1])
+    target = np.array([target_right, target_up, 0.0]) @ axes
+    return View(target + max(distance_right, distance_up) * axes[2], target, axes)
+
+
+def _between(offsets: Float64, backward: Float64, slope: float) -> tuple[float, float]:
+    """Return the target along one direction, and the least distance at which all offsets are within the slope."""
+    above, below = np.max(offsets + slope * backward), np.max(-offsets + slope * backward)
+    return float(above - below) / 2, float(above + below) / (2 * slope)

@@ -14,9 +14,17 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
-from fedora_reports.frusta import OUTLINE, Frusta
-from fedora_reports.trajectory_camera import View, view_of
-from fedora_reports.trajectory_path import Box, FlownPath, box_around, flown_path, speed_colours
+from fedora_reports.trajectory_path import (
+    OUTLINE,
+    Box,
+    FlownPath,
+    Frusta,
+    View,
+    box_around,
+    flown_path,
+    speed_colours,
+    view_of,
+)
 
 Float64 = NDArray[np.float64]
 

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from fedora_qa.record.evidence import POINT_CLOUD, named
 from fedora_reports.clouds import CloudAxis, CloudView, box_scene, draw_cloud, packed_points
 from fedora_reports.evidence import Evidence
-from fedora_reports.frusta import OUTLINE, frusta_of
 from fedora_reports.scales import Axis
-from fedora_reports.trajectory_path import Box, FlownPath, box_around
+from fedora_reports.trajectory_path import OUTLINE, Box, FlownPath, box_around, frusta_of
 
 _VIEW: Final = CloudView(yaw_rad=0.6, pitch_rad=0.5)
 _INNER_PERCENT: Final = (2.0, 98.0)

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import fedora_qa
-from fedora_qa.api.checked import CheckedRecord
+from fedora_qa.api.check import CheckedRecord
 from fedora_qa.cli.main import run
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import read_record as read_plain

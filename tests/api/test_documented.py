@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fedora_qa
-from fedora_qa.cli.parquet import write_parquet
+from fedora_qa.cli.outputs import write_parquet
 from fedora_qa.comparison.types import COMPARISON
 from fedora_qa.scoring.types import SCORE
 from tests.support.documented import blocks

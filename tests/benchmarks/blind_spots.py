@@ -18,7 +18,8 @@ from scipy.ndimage import gaussian_filter1d, map_coordinates
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from tests.support.sequences import make_sequence
 
 Floats = NDArray[np.floating[Any]]

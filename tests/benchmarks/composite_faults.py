@@ -10,7 +10,7 @@ from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
 from fedora_qa.causes import stream_family
 from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.run import check_file
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.markdown import table
 from fedora_qa.record.types import Diagnosis
 

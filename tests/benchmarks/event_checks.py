@@ -16,11 +16,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.engine import decode
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.survey import Survey, opened, survey_file
+from tests.support.all_checks import CHECKS
 
 SUBJECTS: Final = ("event_stream", "event_response")
 SHAPE: Final = (480, 640)

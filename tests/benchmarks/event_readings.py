@@ -14,8 +14,9 @@ from unittest.mock import patch
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.plan import WINDOW_NS
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.estimators.events import frame_interpolation, levels
 from tests.benchmarks.event_checks import cost_of
 

@@ -10,9 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.events.batch import EventBatch, sort_and_decode
 from fedora_generator.events.comparator import Comparator
-from fedora_generator.events.keys import KeyLayout
+from fedora_generator.events.keys import EventBatch, KeyLayout, sort_and_decode
 from fedora_qa.conventions import NS_PER_US
 from tests.benchmarks.plain_scan_kernels import PlainScan
 

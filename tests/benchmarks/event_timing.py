@@ -7,11 +7,9 @@ from typing import Final
 import numpy as np
 
 from fedora_generator.adaptive.follower import Follower
-from fedora_generator.events.batch import EventBatch, decode
-from fedora_generator.events.keys import KeyLayout
-from fedora_generator.events.light import Pixels
+from fedora_generator.events.keys import EventBatch, KeyLayout, decode
 from fedora_generator.events.options import EventSensorOptions
-from fedora_generator.events.sensor import EventSensor
+from fedora_generator.events.sensor import EventSensor, Pixels
 from fedora_generator.sampling import Fidelity
 from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
 from tests.benchmarks.closed_form_events import true_events

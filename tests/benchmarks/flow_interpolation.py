@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, spline_filter
 
-from fedora_qa.estimators.flow.residual import tile_residuals
-from fedora_qa.estimators.flow.tiles import TileGrid, patches_of, pixels_of
+from fedora_qa.estimators.flow.residual import TileGrid, patches_of, pixels_of, tile_residuals
 from fedora_qa.estimators.flow.warp import BILINEAR, SPLINE, Interpolator, blur
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
 

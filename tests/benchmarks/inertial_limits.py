@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.estimators.fitting.grouped_fit import group_of
 from fedora_qa.estimators.imu.samples import InertialNoise
 from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, fit_inertial

@@ -22,7 +22,8 @@ from fedora_generator.corpus.plan import CorpusOptions, PlannedFile, plan_corpus
 from fedora_generator.faults import FaultError
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import Scene, load_scene
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 
 ROOT: Final = Path(__file__).parents[2]
 TARGET: Final = ROOT / "docs" / "named-causes.md"

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_generator.events.batch import EventBatch
+from fedora_generator.events.keys import EventBatch
 
 Floats = NDArray[np.float64]
 

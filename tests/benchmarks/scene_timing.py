@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from fedora_generator.adaptive.follower import Follower
 from fedora_generator.camera import event_camera
-from fedora_generator.events.batch import EventBatch, decode
-from fedora_generator.events.keys import KeyLayout
-from fedora_generator.events.light import Pixels
+from fedora_generator.events.keys import EventBatch, KeyLayout, decode
+from fedora_generator.events.sensor import Pixels
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import Fidelity
 from fedora_generator.scene import load_scene

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_ind
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.causes import CAUSES
 from fedora_qa.geometry import so3
 from fedora_qa.judgement.materiality import materiality_row
@@ -37,6 +36,7 @@ from tests.benchmarks.learning.runs import PARTS, RATES_HZ, Arrangement, Trainin
 from tests.benchmarks.learning.samples import Targets, chained, motions, read_samples
 from tests.benchmarks.learning.scores import Errors, enlarged, errors_of, trivial_predictions
 from tests.benchmarks.learning.voxels import voxel_grid
+from tests.support.all_checks import CHECKS
 from tests.support.shared_files import SharedFiles
 
 DRAW = FlightDraw("flying", "validation", 0)

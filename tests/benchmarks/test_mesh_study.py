@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from fedora_generator.camera import CameraOptions, colour_camera, event_camera
-from fedora_generator.events.batch import EventBatch
+from fedora_generator.events.keys import EventBatch
 from fedora_generator.flight import Flight
-from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.mesh.from_world import model_of_world
-from fedora_generator.mesh.model import MeshModel
+from fedora_generator.mesh.model import MeshDetail, MeshModel
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.render import ExactWorld
 from tests.benchmarks.mesh_study.agreement import depth_disagreement, edges, radiance_disagreement

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_generator.events.batch import EventBatch
+from fedora_generator.events.keys import EventBatch
 from tests.benchmarks.event_throughput import comparator_from, dense_sinusoid, measure, require_identical, sparse_edge
 from tests.benchmarks.plain_scan_kernels import PlainScan
 

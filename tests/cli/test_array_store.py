@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fedora_qa.cli.array_store import ArrayStore
-from fedora_qa.cli.check_all import Request, check_all
+from fedora_qa.cli.arrays import ArrayStore
+from fedora_qa.cli.check import Request, check_all
 from fedora_qa.cli.record import evidence_arrays
 from fedora_qa.config import CheckConfig
 from fedora_qa.engine.executor import InProcess
@@ -50,8 +50,8 @@ def test_no_evidence_of_earlier_files_stays_in_memory(tmp_path: Path, monkeypatc
 
     for path in paths:
         path.write_bytes(b"")
-    monkeypatch.setattr("fedora_qa.cli.check_all.check_files", check_files)
-    monkeypatch.setattr("fedora_qa.cli.check_all.compile_for", lambda *_: None)
+    monkeypatch.setattr("fedora_qa.cli.check.check_files", check_files)
+    monkeypatch.setattr("fedora_qa.cli.check.compile_for", lambda *_: None)
     runs = check_all(paths, Request(CheckConfig(), CheckOptions(), "", aside=ArrayStore()), InProcess())
     assert [each() for each in alive] == [None] * 3
     arrays = evidence_arrays(runs)

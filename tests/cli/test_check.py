@@ -9,13 +9,13 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.protocol import Check, Notice, Observation
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from tests.cli.conftest import Command
+from tests.support.all_checks import CHECKS
 from tests.support.replaced_checks import replace_checks
 
 TIMESTAMPS = ("--select", "clocks", "--select", "index_maps")

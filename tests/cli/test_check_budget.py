@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from fedora_qa.cli.parameters import parse_budget
+from fedora_qa.cli.options import parse_budget
 from fedora_qa.errors import MisuseError
 from tests.cli.conftest import Command
 

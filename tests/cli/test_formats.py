@@ -8,9 +8,9 @@ import h5py
 import pytest
 from junitparser import JUnitXml
 
-from fedora_qa.cli.parquet import PARQUET_NAMES
-from fedora_qa.record.csv_tables import CSV_NAMES
+from fedora_qa.cli.outputs import PARQUET_NAMES
 from fedora_qa.record.json_io import record_from_json
+from fedora_qa.record.tables import CSV_NAMES
 from tests.cli.conftest import Command
 
 TIMESTAMPS = ("--select", "clocks.order", "--select", "index_maps")

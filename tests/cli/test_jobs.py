@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import pytest
 
-from fedora_qa.cli import check_all as cli_check_all
+from fedora_qa.cli import check as cli_check_all
 from fedora_qa.cli.progress import counts_words
 from fedora_qa.cli.settings import with_jobs
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE

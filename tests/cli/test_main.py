@@ -62,7 +62,7 @@ def explode(*_: object) -> None:
 
 def test_internal_error(fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A defect exits with 3 and one sentence that says how to see the traceback."""
-    monkeypatch.setattr("fedora_qa.cli.check_all.check_files", explode)
+    monkeypatch.setattr("fedora_qa.cli.check.check_files", explode)
     done = fedora_qa("check", sequence)
     assert done.code == 3
     assert done.err.count("\n") == 1
@@ -71,7 +71,7 @@ def test_internal_error(fedora_qa: Command, sequence: Path, monkeypatch: pytest.
 
 def test_traceback_on_request(fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The variable that the sentence names shows the traceback."""
-    monkeypatch.setattr("fedora_qa.cli.check_all.check_files", explode)
+    monkeypatch.setattr("fedora_qa.cli.check.check_files", explode)
     monkeypatch.setenv("FEDORA_QA_TRACEBACK", "1")
     done = fedora_qa("check", sequence)
     assert done.code == 3
@@ -85,7 +85,7 @@ def interrupt(*_: object) -> None:
 
 def test_interrupt(fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C ends with one word and the code that shells know."""
-    monkeypatch.setattr("fedora_qa.cli.check_all.check_files", interrupt)
+    monkeypatch.setattr("fedora_qa.cli.check.check_files", interrupt)
     done = fedora_qa("check", sequence)
     assert done.code == 130
     assert "interrupted" in done.err

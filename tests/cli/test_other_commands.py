@@ -10,7 +10,6 @@ import h5py
 import pytest
 from rich.console import Console
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.causes import CAUSES
 from fedora_qa.cli import doctor as doctor_module
 from fedora_qa.cli.console import print_table
@@ -19,6 +18,7 @@ from fedora_qa.cli.progress import files_progress, progress_bar
 from fedora_qa.engine.progress import ProgressTally
 from fedora_qa.record.tables import TextTable
 from tests.cli.conftest import Command
+from tests.support.all_checks import CHECKS
 from tests.support.graphics import without_opengl
 from tests.support.latex_reader import read_latex
 

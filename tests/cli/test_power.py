@@ -10,7 +10,7 @@ import pytest
 from fedora_generator.faults import plant_fault
 from fedora_qa.power import study
 from fedora_qa.power.detection_power import read_detection_power
-from fedora_qa.record.power_types import POWER
+from fedora_qa.record.power_study import POWER
 from tests.cli.conftest import Command
 from tests.support.handmade import write_handmade
 

@@ -2,7 +2,7 @@
 
 from fedora_qa.causes import CAUSES
 from fedora_qa.checks.explanation import published_explanations
-from fedora_qa.cli.rule_help import rule_helps
+from fedora_qa.cli.outputs import rule_helps
 
 LONGEST_DESCRIPTION = 1024
 """Characters; code scanning accepts no longer ones (GitHub, "SARIF support for code scanning")."""

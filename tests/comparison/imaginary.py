@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fedora_qa.comparison.distributions import SampledCounts
-from fedora_qa.comparison.subjects import FileInput, SubjectInput
+from fedora_qa.comparison.subjects import FileInput, SampledCounts, SubjectInput
 from fedora_qa.evidence.value_counts import count_values, octave_counts
 from fedora_qa.record.types import FileRecord
 

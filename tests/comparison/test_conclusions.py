@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.comparison.compare import compare
-from fedora_qa.comparison.conclusions import conclusions_of
-from fedora_qa.comparison.tables import comparison_to_markdown
+from fedora_qa.comparison.tables import comparison_to_markdown, conclusions_of
 from fedora_qa.comparison.types import (
     COMPARISON_VERSION,
     Comparison,

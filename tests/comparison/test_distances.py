@@ -14,7 +14,7 @@ from fedora_qa.comparison.distances import (
     independent_segments,
     standard_errors,
 )
-from fedora_qa.comparison.distributions import shares_of, wasserstein
+from fedora_qa.comparison.subjects import shares_of, wasserstein
 from tests.comparison.processes import EDGES, autoregression, blocks_around
 
 LEVEL = 0.05

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import wasserstein_distance
 
-from fedora_qa.comparison.distributions import mean_of, shares_of, wasserstein
+from fedora_qa.comparison.subjects import mean_of, shares_of, wasserstein
 from fedora_qa.evidence.value_counts import count_values, octave_counts, octave_edges
 
 EDGES = octave_edges()

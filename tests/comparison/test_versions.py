@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from scipy.stats import norm
 
-from fedora_qa.comparison.versions import allowed_shift, count_with_errors, record_changes, statistic_changes
+from fedora_qa.comparison.compare import allowed_shift, count_with_errors, record_changes, statistic_changes
 from fedora_qa.record.types import Finding, Measurement, Result, Where
 from tests.support.records import failed, file_record, not_observable, passed
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.protocol import Check
+from tests.support.all_checks import CHECKS
 
 CHECKS_FOLDER = Path(__file__).parents[2] / "fedora_qa" / "checks"
 

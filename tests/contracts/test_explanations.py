@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.explanation import PUBLISHED, SECTIONS, explanation, explanations_text, published_explanations
 from fedora_qa.checks.protocol import Check
-from fedora_qa.cli.check_pages import check_pages, explanations
+from fedora_qa.cli.generated_files import check_pages, explanations
+from tests.support.all_checks import CHECKS
 
 PAGES = Path(__file__).parents[2] / "docs" / "checks"
 

@@ -17,7 +17,7 @@ for group, table in ((qa.fedora_qa, qa.COMMANDS), (generator.commands, generator
         print(" ".join([group.name, *arguments]), [name for name in {HEAVY} if name in sys.modules], sep=": ")
 import fedora_qa.cli.check
 print(*(name for name in {HEAVY[1:-1]} if name in sys.modules))
-import fedora_qa.cli.verify
+import fedora_qa.cli.gate
 print(*(name for name in {HEAVY} if name in sys.modules))
 """
 

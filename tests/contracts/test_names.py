@@ -19,7 +19,7 @@ NO_CLASSES = {
 
 PUBLIC_FIELDS = {
     "fedora_qa/record/types.py": {"seen"},
-    "fedora_qa/record/power_types.py": {"found"},
+    "fedora_qa/record/power_study.py": {"found"},
     "fedora_qa/comparison/types.py": {"told"},
     "fedora_qa/power/detection_power.py": {"found"},
 }

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import fedora_qa
-from fedora_qa.cli.check_pages import cause_pages, layout_page
+from fedora_qa.cli.generated_files import cause_pages, layout_page
 from fedora_qa.cli.site_pages import anchors, is_external, linked_path, links, page_paths, site_text
 from tests.built_site import loaded_from_elsewhere
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.diagnosis.coincidence import ClockPlace, Place, places_of_clocks
-from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.scan import clock_of
+from fedora_qa.diagnosis.vetoes import ClockPlace, Place, places_of_clocks
+from fedora_qa.sequence.facts import Facts, clock_of
 from tests.support.memory_sequence import MS, facts_of, memory_sequence
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from fedora_qa.diagnosis import confidence
-from fedora_qa.diagnosis.confidence import FEWEST, confidence_of
+from fedora_qa.diagnosis import conclusion
+from fedora_qa.diagnosis.conclusion import FEWEST, confidence_of
 from fedora_qa.power.detection_power import write_confidence
 from fedora_qa.power.tables import power_of
 from tests.support.studies import ORIGIN, study
@@ -16,10 +16,10 @@ from tests.support.studies import ORIGIN, study
 @pytest.fixture
 def published(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The path of the table that is read, without a table."""
-    monkeypatch.setattr(confidence, "PUBLISHED", tmp_path / "confidence.json")
-    confidence._published.cache_clear()
+    monkeypatch.setattr(conclusion, "PUBLISHED", tmp_path / "confidence.json")
+    conclusion._published.cache_clear()
     yield tmp_path / "confidence.json"
-    confidence._published.cache_clear()
+    conclusion._published.cache_clear()
 
 
 def test_nothing_measured_is_no_confidence(published: Path) -> None:

@@ -9,10 +9,10 @@ import pytest
 
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.candidates import CauseCandidate
-from fedora_qa.diagnosis.coincidence import ClockPlace
+from fedora_qa.diagnosis.conclusion import UndoTrial
 from fedora_qa.diagnosis.diagnose import choose_causes, rank_candidates
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
-from fedora_qa.diagnosis.trial import UndoTrial
+from fedora_qa.diagnosis.vetoes import ClockPlace
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis, Finding, Measurement, Result, Where
 

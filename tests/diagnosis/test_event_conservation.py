@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.event_response.conservation import LoneEventRate, ViolationCluster, Violations
 from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import Diagnosis
 from tests.checks.event_file import SHAPE, SMOOTH_WORLD, EventFile, log_file
 from tests.estimators.event_world import MS, Stream

@@ -18,8 +18,7 @@ from fedora_qa.estimators.events.orientation import SYMMETRIES
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import Camera
-from fedora_qa.sequence.facts import EventScan, EventStep
-from fedora_qa.sequence.scan import clock_of
+from fedora_qa.sequence.facts import EventScan, EventStep, clock_of
 from fedora_qa.views.clock_resets import clock_reset
 from fedora_qa.views.event_clock_offset import LocalOffset
 from tests.support.facts import MS, exact_facts

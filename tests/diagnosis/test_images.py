@@ -5,8 +5,8 @@ import pytest
 from fedora_qa.checks.images.channels import NearestChannelOrder
 from fedora_qa.checks.images.exposure import BrightnessJump, CodesMultiplied
 from fedora_qa.checks.images.order import OutOfOrderIntervals
+from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
-from fedora_qa.views.transfer_codes import CodesBent
 from tests.support.proposals import named, proposed
 
 

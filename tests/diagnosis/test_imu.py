@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.imu.agreement import InertialParameter
-from fedora_qa.diagnosis.imu import parameter_hypotheses
-from fedora_qa.diagnosis.timing_cues import TimingCues
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.diagnosis.imu import TimingCues, parameter_hypotheses
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.views.sample_defects import clipped_samples
 from tests.support.motion_world import GRAVITY_M_S2, NOISY, MotionFile, sample_motion
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from tests.support.checked import diagnoses_of, run_check
 from tests.support.motion_world import HOVER, NOISY, RESTLESS, MotionFile, sample_motion
 

@@ -8,7 +8,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.estimators.imu.samples import InertialNoise
 from fedora_qa.record.types import Diagnosis
 from tests.support.motion_world import EXACT, GRAVITY_M_S2, NOISY, RESTLESS, MotionFile, sample_motion

@@ -9,22 +9,22 @@ from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import NS_PER_MS
-from fedora_qa.diagnosis.centre_conventions import hypotheses_of_conventions
+from fedora_qa.diagnosis.measured_sizes import hypotheses_of_conventions
 from fedora_qa.diagnosis.proposed_faults import faults_for, is_length_unit, is_testable
-from fedora_qa.estimators.imu.inertial_convention import InertialConvention
+from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.cameras import FocalLength, MountingRotation, PrincipalPointShift
 from fedora_qa.faults.clocks import ClockRate, ClockShift
+from fedora_qa.faults.fault import is_of_part
 from fedora_qa.faults.pixels import PixelShift
-from fedora_qa.faults.reversible import is_of_part
 from fedora_qa.faults.table import faults_of
 from fedora_qa.faults.units import AngleUnit
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.record.types import Finding, Measurement, Result, Where
-from fedora_qa.views.flow_parameter_fit import FlowParameterFit
-from fedora_qa.views.inertial_features import InertialConventionTrial
+from fedora_qa.views.flow_comparison import FlowParameterFit
+from fedora_qa.views.inertial_agreement import InertialConventionTrial
 from tests.support.memory_sequence import facts_of, memory_sequence
 
 NEED_ROWS = {"teleport", "swapped_frames", "noise_misdeclared"}

@@ -7,7 +7,7 @@ from typing import Final
 
 import pytest
 
-from fedora_qa.diagnosis.support import SUPPORT, support
+from fedora_qa.diagnosis.hypothesis import SUPPORT, support
 
 DIAGNOSIS = Path(__file__).parents[2] / "fedora_qa" / "diagnosis"
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from fedora_qa.diagnosis.timing_cues import TimingCues, gravity_likelihoods, timing_cues_of
+from fedora_qa.diagnosis.imu import TimingCues, gravity_likelihoods, timing_cues_of
 from fedora_qa.sequence.facts import Facts
 from tests.support.facts import MS, clock, exact_facts, with_clock
 

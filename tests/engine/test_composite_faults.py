@@ -8,7 +8,7 @@ import pytest
 
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
-from fedora_qa.engine.run import check_file
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.wording import status_sentence
 from fedora_qa.repairs.repair import choose, repair
 from tests.support.planters import TIMES, bias_gyro, delay_events, flip_polarity, planted

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from fedora_generator.faults import plant_fault
 from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.plan import WINDOW_NS
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.faults.fault import Fault, FaultySequence
 from fedora_qa.layout.binding import Binding, canonical_rows

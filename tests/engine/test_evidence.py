@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.engine.run import CheckOptions, FileRun, check_file
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.options import EvidenceOptions
 from tests.support.handmade import write_handmade

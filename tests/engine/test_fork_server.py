@@ -11,13 +11,14 @@ import numpy as np
 import psutil
 import pytest
 
+from fedora_qa.catalogue import CATALOGUE
+from fedora_qa.check_names import subject_of
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE, preload_workers
 from fedora_qa.engine import fork_server
 from fedora_qa.engine.executor import Task
 from fedora_qa.engine.fork_server import preloaded_modules, start_method
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
-from fedora_qa.subjects import SUBJECTS
 from tests.support import tasks
 from tests.support.handmade import write_handmade
 
@@ -98,6 +99,6 @@ def test_a_selection_loads_its_own_checks_alone() -> None:
     command = f"import sys\nfor name in {modules}: __import__(name)\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True)
     loaded = {name.removeprefix("fedora_qa.") for name in done.stdout.split() if name.startswith("fedora_qa.")}
-    assert {subject for subject in SUBJECTS if f"checks.{subject}" in loaded} == {"clocks"}
+    assert {subject for subject in map(subject_of, CATALOGUE) if f"checks.{subject}" in loaded} == {"clocks"}
     assert "checks.clocks.rate" in loaded
     assert not loaded & {"checks.clocks.gaps", "diagnosis", "faults.table"}

@@ -11,17 +11,15 @@ from pathlib import Path
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from fedora_qa.catalogue import CHECKS
-from fedora_qa.cli.compiling import TITLE, compile_for
+from fedora_qa.cli.check import COMPILING, compile_for
 from fedora_qa.cli.kernel_list import called_by, groups_of
 from fedora_qa.engine import kernels
-from fedora_qa.engine.executor import InProcess, Task
+from fedora_qa.engine.executor import InProcess, OpenFile, Task, Worker, opening_test
 from fedora_qa.engine.kernel_groups import KernelGroup, listed_groups
 from fedora_qa.engine.kernels import compile_group, kernel_of, text_of, type_of, uncompiled
-from fedora_qa.engine.opening import opening_test
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
-from fedora_qa.engine.worker import OpenFile, Worker
+from tests.support.all_checks import CHECKS
 from tests.support.handmade import write_handmade
 
 _HERE = Worker(OpenFile(keeps=False))
@@ -119,7 +117,7 @@ def test_says_once_that_it_compiles(capsys: pytest.CaptureFixture[str]) -> None:
     """Processes compile what is missing behind one line; the next run says nothing."""
     with ProcessExecutor(1) as executor:
         assert compile_for(_CLOCKS, executor, [None], [_TINY]) == [_TINY]
-        assert capsys.readouterr().err.count(TITLE) == 1
+        assert capsys.readouterr().err.count(COMPILING) == 1
         assert compile_for(_CLOCKS, executor, [None], [_TINY]) == ()
         assert capsys.readouterr().err == ""
     assert compile_for(_CLOCKS, InProcess(), [None], [_TINY]) == ()

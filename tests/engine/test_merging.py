@@ -7,19 +7,19 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.measure import Accumulator, PassState, conclude, measure, merge
 from fedora_qa.engine.outcomes import why_not_applicable
 from fedora_qa.engine.plan import cut_windows
-from fedora_qa.engine.run import quiet
+from fedora_qa.engine.progress import quiet
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.sequence.scan import Scan, scan
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from fedora_qa.sequence.window import Sampling, Span
 from fedora_qa.statistics.collector import StatisticsCollector
+from tests.support.all_checks import CHECKS
 from tests.support.identical import identical
 from tests.support.sequences import make_sequence
 

@@ -7,10 +7,11 @@ from typing import Any
 import h5py
 import pytest
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.engine.decode import BlockDecoder
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.evidence.options import EvidenceOptions
+from tests.support.all_checks import CHECKS
 from tests.support.handmade import write_handmade
 
 IMAGES = {"path/rgb", "path/depth", "path/flow/10hz", "path/flow/25hz", "path/flow/50hz"}

@@ -5,8 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from fedora_qa.engine.file_work import PackedSurvey
 from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.packed_survey import PackedSurvey
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import Survey, survey_file
 from tests.support.handmade import write_handmade

@@ -12,10 +12,11 @@ from fedora_qa.engine.executor import InProcess
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
-from fedora_qa.engine.run import check_file
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.engine.trial_evidence import _worst_by_size
-from tests.engine.test_trials import bias_gyro, delay_events, negate_flow
+from tests.engine.test_trials import negate_flow
 from tests.support.identical import identical
+from tests.support.planters import bias_gyro, delay_events
 
 CHEAP = ("clocks", "metadata", "index_maps")
 BEFORE, AFTER = "trials/D1/before", "trials/D1/after"

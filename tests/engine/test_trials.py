@@ -11,28 +11,28 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.catalogue import CHECKS, hypotheses_of
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.diagnosis.candidates import CauseCandidate
-from fedora_qa.diagnosis.coincidence import ClockPlace, places_of_clocks
+from fedora_qa.diagnosis.conclusion import UndoTrial
 from fedora_qa.diagnosis.diagnose import rank_candidates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.trial import UndoTrial
+from fedora_qa.diagnosis.vetoes import ClockPlace, places_of_clocks
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.executor import InProcess
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.measure import conclude
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet
-from fedora_qa.engine.run import check_file
 from fedora_qa.engine.survey import Survey, opened, survey_file
-from fedora_qa.engine.tasks import measure_open
+from fedora_qa.engine.tasks import check_file, measure_open
 from fedora_qa.engine.trials import TrialBench, run_trials
 from fedora_qa.engine.views import SequenceViews
 from fedora_qa.faults.clocks import ClockShift
+from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.pixels import Mirroring
-from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.judgement.judge import judge
 from fedora_qa.record.wording import status_sentence
+from tests.support.all_checks import CHECKS
 from tests.support.planters import TIMES, bias_gyro, delay_events, flip_polarity, planted
 
 OPTIONS = CheckOptions(evidence=None, profile="release")

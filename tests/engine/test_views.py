@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.decode import BlockDecoder
@@ -20,13 +19,13 @@ from fedora_qa.engine.survey import Prepared, prepare
 from fedora_qa.engine.views import SequenceViews
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import ThresholdMisdeclared
-from fedora_qa.faults.fault import Fault, FaultySequence
+from fedora_qa.faults.fault import Fault, FaultySequence, ReversibleFault
 from fedora_qa.faults.pixels import Mirroring
-from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.units import LengthUnit
 from fedora_qa.sequence.inputs import TracedFields, TracedMapping
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from fedora_qa.sequence.window import Sampling, Window
+from tests.support.all_checks import CHECKS
 from tests.support.identical import identical
 
 MEMORY_BYTES = 1 << 28

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.options import Effort
 from fedora_qa.engine.plan import EFFORTS, WINDOW_NS, cut_windows, make_plan, sees_every_window, window_length_ns
 from fedora_qa.sequence.scan import Scan, scan
 from fedora_qa.sequence.sequence import open_sequence

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from fedora_qa.engine.executor import OpenFile
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import OpenSurvey, Survey, survey_file
-from fedora_qa.engine.worker import OpenFile
 from fedora_qa.errors import FedoraError
 from tests.support.handmade import write_handmade
 from tests.support.killers import Counts

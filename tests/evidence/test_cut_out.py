@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fedora_qa.evidence.cut_out import WHOLE, busiest_box, cut_out
 from fedora_qa.evidence.snapshot import Picture, Snapshot
+from fedora_qa.evidence.worst_locations import WHOLE, busiest_box, cut_out
 
 
 def snapshot(column: int, row: int) -> Snapshot:

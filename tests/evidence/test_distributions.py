@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.comparison.distributions import paired_blocks, sampled_counts_of
+from fedora_qa.comparison.subjects import paired_blocks, sampled_counts_of
 from fedora_qa.evidence.distributions import Blocks, DistributionsCollector, pixel_intervals_ms
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fedora_qa.evidence.event_cloud import keep_event_clouds, take_event_cloud
+from fedora_qa.evidence.clouds import keep_event_clouds, take_event_cloud
 from fedora_qa.evidence.titled_arrays import TitledArrays
 from fedora_qa.sequence.declared import Declared
 from tests.evidence.memory import SENSOR_HEIGHT, SENSOR_WIDTH, Memory, memory

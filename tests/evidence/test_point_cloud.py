@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.evidence.point_cloud import cloud_times_ns, keep_point_cloud, take_point_cloud
+from fedora_qa.evidence.clouds import cloud_times_ns, keep_point_cloud, take_point_cloud
 from fedora_qa.geometry.lens import pixels_of_rays
 from fedora_qa.sequence.declared import Camera, Declared, Lens
 from fedora_qa.sequence.facts import Facts

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.evidence.options import EvidenceOptions
-from fedora_qa.evidence.snapshot_times import fitting_width_px, snapshot_bytes, snapshot_times_ns
+from fedora_qa.evidence.snapshot import fitting_width_px, snapshot_bytes, snapshot_times_ns
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.facts import Facts

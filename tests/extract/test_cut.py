@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.plan import window_length_ns
-from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.extract.cut import Cutter, entries_kept
-from fedora_qa.extract.place import Piece
-from fedora_qa.extract.rows import CutRows
-from fedora_qa.layout.detect import detect_dialect
+from fedora_qa.engine.tasks import check_file
+from fedora_qa.extract.extract import Cutter, entries_kept
+from fedora_qa.extract.place import CutRows, Piece
+from fedora_qa.layout.resolve import detect_dialect
 from fedora_qa.sequence.facts import IndexMap
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import open_sequence

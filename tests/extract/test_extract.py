@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.extract.extract import CheckFinding, Extraction, extract
 from fedora_qa.record.types import Where
 

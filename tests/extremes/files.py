@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import Scene
-from fedora_qa.catalogue import CHECKS
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import FileRecord
+from tests.support.all_checks import CHECKS
 from tests.support.sequences import small_scene
 
 Edit = Callable[[h5py.File], None]

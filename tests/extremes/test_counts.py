@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.layout.binding import Binding, canonical_rows, rows_together
-from fedora_qa.layout.bounds import unwritten_chunks
+from fedora_qa.layout.decodable import unwritten_chunks
 from fedora_qa.sequence.scan import longest_steps
 from tests.extremes.files import alarms, edited, outcomes, record_of, replace_rows
 from tests.support.handmade import write_handmade

@@ -6,8 +6,8 @@ from pathlib import Path
 import h5py
 import pytest
 
-from fedora_qa.catalogue import CHECKS
 from tests.extremes.files import alarms, edited, outcomes, record_of
+from tests.support.all_checks import CHECKS
 from tests.support.handmade import write_handmade
 
 PARTS = {

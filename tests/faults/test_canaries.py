@@ -11,17 +11,18 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.checks.imu.timing import ImuTiming
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.cli.main import run
 from fedora_qa.engine import canaries
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.faults.fault import Fault
 from fedora_qa.record.types import Canary, FileRecord
 from fedora_qa.sequence.facts import Facts
 from tests.extremes.test_streams import ALL, without
 from tests.integration.test_planted_faults import PLANTED
+from tests.support.all_checks import CHECKS
 from tests.support.handmade import write_handmade
 from tests.support.replaced_checks import replace_checks
 from tests.support.sequences import CleanSequence

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.catalogue import CANARIES
+from fedora_qa.catalogue import CATALOGUE, canary_of
 from fedora_qa.engine.survey import prepare
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
@@ -76,13 +76,15 @@ def conditions(sequence: Sequence) -> CanaryConditions:
     return CanaryConditions(sequence, facts, measurements, place_ns=50_000_000, multiple=3.0)
 
 
-@pytest.mark.parametrize("check", CANARIES)
+@pytest.mark.parametrize("check", CATALOGUE)
 @pytest.mark.parametrize("cut", [0.0, 0.3])
 def test_fault_does_not_depend_on_pieces(
     check: str, cut: float, sequence: Sequence, conditions: CanaryConditions
 ) -> None:
     """Every fault alters something; its rows are as many as stored, and the same read in one piece or in two."""
-    fault = CANARIES[check](conditions)
+    canary = canary_of(check)
+    assert canary is not None
+    fault = canary(conditions)
     faulty = FaultySequence(sequence, fault)
     assert fault.rows or fault.declared is not None or fault.layout is not None
     assert faulty.declared is (fault.declared or sequence.declared)

@@ -10,7 +10,7 @@ from hypothesis import Phase, find, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.faults.axes import CameraAxes, VectorAxes
+from fedora_qa.faults.axes import CameraAxes, RectificationAxes, VectorAxes
 from fedora_qa.faults.cameras import FocalLength, MountingLeverArm, MountingRotation, PrincipalPointShift
 from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
 from fedora_qa.faults.declarations import (
@@ -19,7 +19,7 @@ from fedora_qa.faults.declarations import (
     NoiseMisdeclared,
     ThresholdMisdeclared,
 )
-from fedora_qa.faults.fault import FaultySequence
+from fedora_qa.faults.fault import FaultySequence, ReversibleFault
 from fedora_qa.faults.flow import FlowIntervalShift
 from fedora_qa.faults.images import (
     ChannelOrder,
@@ -43,8 +43,6 @@ from fedora_qa.faults.motion import (
     Teleport,
 )
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
-from fedora_qa.faults.rectification import RectificationAxes
-from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit

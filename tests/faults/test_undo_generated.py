@@ -21,7 +21,7 @@ from fedora_qa.faults.declarations import (
     NoiseMisdeclared,
     ThresholdMisdeclared,
 )
-from fedora_qa.faults.fault import FaultySequence
+from fedora_qa.faults.fault import FaultySequence, ReversibleFault
 from fedora_qa.faults.flow import FlowIntervalShift
 from fedora_qa.faults.images import ChannelOrder, ExposureGain, InvalidCode, PowerCurve, RayLength, Vignetting
 from fedora_qa.faults.index_maps import IndexShift, IndexSide
@@ -36,7 +36,6 @@ from fedora_qa.faults.motion import (
     Teleport,
 )
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
-from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
 from fedora_qa.layout.canonical import DATASETS

@@ -13,7 +13,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.faults.axes import CameraAxes, VectorAxes
+from fedora_qa.faults.axes import CameraAxes, RectificationAxes, VectorAxes
 from fedora_qa.faults.cameras import FocalLength, MountingLeverArm, MountingRotation, PrincipalPointShift
 from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
 from fedora_qa.faults.declarations import (
@@ -22,7 +22,7 @@ from fedora_qa.faults.declarations import (
     NoiseMisdeclared,
     ThresholdMisdeclared,
 )
-from fedora_qa.faults.fault import FaultySequence
+from fedora_qa.faults.fault import FaultySequence, InapplicableError, ReversibleFault
 from fedora_qa.faults.flow import FlowIntervalShift
 from fedora_qa.faults.images import (
     ChannelOrder,
@@ -46,8 +46,6 @@ from fedora_qa.faults.motion import (
     Teleport,
 )
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
-from fedora_qa.faults.rectification import RectificationAxes
-from fedora_qa.faults.reversible import InapplicableError, ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
 from fedora_qa.sequence.declared import Camera

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Final
 
 from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.run import check_file
+from fedora_qa.engine.tasks import check_file
 from tests.fuzz.by_command import LONGEST_S, by_command
 from tests.fuzz.tally import seeds_done, summarised
 from tests.fuzz.trial import Trial, digests, offender, tried

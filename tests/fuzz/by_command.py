@@ -12,7 +12,7 @@ from typing import Final
 
 from fedora_qa.cli.exit_codes import INCOMPLETE
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
-from fedora_qa.storage.opening_limit import OPENING_VARIABLE
+from fedora_qa.storage.signature import OPENING_VARIABLE
 
 LONGEST_S: Final = 10
 """Seconds of processor after which something hangs."""

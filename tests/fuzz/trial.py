@@ -11,16 +11,16 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.catalogue import CHECKS
+from fedora_qa.catalogue import select_checks
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet
-from fedora_qa.engine.run import check_file, select_checks
 from fedora_qa.engine.survey import survey_file
-from fedora_qa.engine.tasks import measure_and_assemble
+from fedora_qa.engine.tasks import check_file, measure_and_assemble
 from fedora_qa.errors import FedoraError, MisuseError
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.sequence.sequence import OpeningFacts, open_sequence
 from tests.fuzz.mutants import mutate
+from tests.support.all_checks import CHECKS
 
 ALWAYS: Final = ("integrity", "metadata.complete", "clocks.order")
 AT_A_TIME: Final = 3

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.gating.baseline import accept_known, baseline_of
+from fedora_qa.gating.acceptance import accept_known, baseline_of
 from fedora_qa.record.types import FileRecord, Measurement, Record, Result, Where
 from tests.support.records import failed, file_record, passed, record
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from fedora_qa.errors import MisuseError
+from fedora_qa.gating.acceptance import Waiver
 from fedora_qa.gating.certificate import (
     Certificate,
     certificate_of,
@@ -18,7 +19,6 @@ from fedora_qa.gating.certificate import (
     write_certificate,
 )
 from fedora_qa.gating.policy import Documents, Policy
-from fedora_qa.gating.waivers import Waiver
 from fedora_qa.storage.digest import whole_digest
 from tests.support.records import file_record, not_observable, passed, record
 

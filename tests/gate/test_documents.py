@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fedora_qa.gating.policy import Documents
-from fedora_qa.gating.release_result import Violation
+from fedora_qa.gating.release import Violation
 from fedora_qa.gating.rules import rule_on_checksums, rule_on_documents
 from fedora_qa.storage.digest import whole_digest
 from tests.support.releases import write_checksums

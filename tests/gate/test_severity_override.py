@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from fedora_qa.gating.severity_override import with_severity
+from fedora_qa.gating.acceptance import with_severity
 from fedora_qa.record.types import Severity
 from tests.support.records import crashed, failed, file_record, passed
 

@@ -5,8 +5,8 @@ from datetime import date
 
 import pytest
 
-from fedora_qa.gating.release_result import with_release_results
-from fedora_qa.gating.waivers import Waiver, rule_on_waivers, waive
+from fedora_qa.gating.acceptance import Waiver, rule_on_waivers, waive
+from fedora_qa.gating.release import with_release_results
 from fedora_qa.record.types import Waived
 from tests.support.records import crashed, failed, file_record, late_events, passed
 

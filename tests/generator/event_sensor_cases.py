@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.events.batch import EventBatch
+from fedora_generator.events.keys import EventBatch
 from fedora_generator.events.options import EventSensorOptions
 from fedora_generator.events.sensor import EventSensor
 

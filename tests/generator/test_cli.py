@@ -159,7 +159,7 @@ def test_an_interrupt_leaves_nothing(
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fedora_generator.frames.FrameRenderer.render", interrupt)
+    monkeypatch.setattr("fedora_generator.streams.FrameRenderer.render", interrupt)
     assert run(monkeypatch, "sequence", "hover", "-o", str(tmp_path / "seq.h5"), "--size", "72x54") == 130
     assert "no file was left that is not whole" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
@@ -173,7 +173,7 @@ def test_memory_that_runs_out_is_one_line(
     def run_out(*_: object) -> None:
         raise MemoryError("Unable to allocate 9 GiB")
 
-    monkeypatch.setattr("fedora_generator.frames.FrameRenderer.render", run_out)
+    monkeypatch.setattr("fedora_generator.streams.FrameRenderer.render", run_out)
     assert run(monkeypatch, "sequence", "hover", "-o", str(tmp_path / "seq.h5"), "--size", "72x54") == 2
     assert "Unable to allocate 9 GiB" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

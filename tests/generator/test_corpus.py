@@ -15,7 +15,7 @@ import h5py
 import pytest
 from click.testing import CliRunner, Result
 
-from fedora_generator import disk_space
+from fedora_generator import resources
 from fedora_generator.commands import corpus as corpus_command
 from fedora_generator.corpus import CorpusOptions, PlannedFile, build, plan_corpus
 from fedora_generator.corpus.ladders import STEP, ladder_of
@@ -177,7 +177,7 @@ def test_too_little_disk_is_refused_before_any_work(
 ) -> None:
     """With 1 kB free nothing is begun."""
     usage = shutil.disk_usage(tmp_path)
-    monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: usage._replace(free=1_000))
+    monkeypatch.setattr(resources.shutil, "disk_usage", lambda _: usage._replace(free=1_000))
     result = corpus(tmp_path / "corpus")
     assert "free for the corpus" in str(result.exception)
     assert list(tmp_path.iterdir()) == []

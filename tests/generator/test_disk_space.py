@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_generator import disk_space
+from fedora_generator import resources
 from fedora_generator.errors import OutputError
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
@@ -29,16 +29,16 @@ def test_the_least_is_less_than_blank_images_take(tmp_path: Path, size: tuple[in
             dataset[0] = 7 if key == "path/rgb" else np.nan
             a_second += rate_hz * dataset.id.get_storage_size()
     scene = load_scene("park-day").with_size(width, height)
-    assert 0 < disk_space.least_bytes(scene, 1_000_000, IMAGES) < a_second
+    assert 0 < resources.least_bytes(scene, 1_000_000, IMAGES) < a_second
 
 
 def test_streams_left_out_need_no_room() -> None:
     """Each is a share of the whole; what is not made of images needs next to nothing."""
     scene = load_scene("park-day")
-    shares = [disk_space.expected_bytes(scene, 1.0, frozenset({name})) for name in ("rgb", "depth", "events", "flow")]
-    assert sum(shares) == pytest.approx(disk_space.expected_bytes(scene, 1.0), abs=4)
+    shares = [resources.expected_bytes(scene, 1.0, frozenset({name})) for name in ("rgb", "depth", "events", "flow")]
+    assert sum(shares) == pytest.approx(resources.expected_bytes(scene, 1.0), abs=4)
     assert min(shares) > 0
-    assert disk_space.expected_bytes(scene, 1.0, frozenset({"imu", "pose"})) == 0
+    assert resources.expected_bytes(scene, 1.0, frozenset({"imu", "pose"})) == 0
 
 
 def test_a_full_disk_is_refused_and_a_small_one_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -47,7 +47,7 @@ def test_a_full_disk_is_refused_and_a_small_one_warned_of(tmp_path: Path, monkey
     usage = shutil.disk_usage(tmp_path)
 
     def generate(free_bytes: int, *streams: str) -> None:
-        monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: usage._replace(free=free_bytes))
+        monkeypatch.setattr(resources.shutil, "disk_usage", lambda _: usage._replace(free=free_bytes))
         request = Request(duration_s=0.02, streams=frozenset(streams))
         generate_sequence(scene, tmp_path / "a.h5", request, overwrite=True, warn=warnings.append)
 

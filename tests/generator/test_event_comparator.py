@@ -7,9 +7,16 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from fedora_generator.events.comparator import Comparator, SignalNotFiniteError
+from fedora_generator.events.comparator import (
+    COLUMN_MASK,
+    Comparator,
+    SignalNotFiniteError,
+    list_active,
+    mark_quiet,
+    pixel_buffer,
+    row_buffers,
+)
 from fedora_generator.events.keys import KeyLayout
-from fedora_generator.events.quiet_kernels import COLUMN_MASK, list_active, mark_quiet, pixel_buffer, row_buffers
 from tests.generator.event_sensor_cases import Floats
 
 EXTREMES = [0.0, -0.0, 5e-324, -2.2e-308, 1e-45, 1.2e-38, 1.0, 819.2, -4096.0, 3.4e38, -3.5e38, 1e300, -1.7e308]

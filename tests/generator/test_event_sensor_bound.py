@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_generator.events.batch import decode
 from fedora_generator.events.comparator import Comparator, SignalNotFiniteError
-from fedora_generator.events.keys import KeyLayout
+from fedora_generator.events.keys import KeyLayout, decode
 from tests.generator.event_sensor_cases import Floats, pixel, play, sensor_for
 
 thresholds = st.floats(0.02, 0.6)

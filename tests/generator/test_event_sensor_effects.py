@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from fedora_generator.events.batch import EventBatch
+from fedora_generator.events.keys import EventBatch
 from tests.generator.event_sensor_cases import MS, Floats, as_rows, pixel, play, sensor_for
 
 GREY = np.full((20, 30), 50.0)

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fedora_generator.camera import CameraOptions, colour_camera
-from fedora_generator.frames import depth_mm, in_range
 from fedora_generator.render import ExactWorld
+from fedora_generator.streams import depth_mm, in_range
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.textures import Texture
 from fedora_generator.surfaces.world import Box, Rectangle, World

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from fedora_generator.camera import CameraOptions, colour_camera
 from fedora_generator.render import ExactWorld
-from fedora_generator.surfaces.lamp_kernels import lamp_average
 from fedora_generator.surfaces.light import Light
+from fedora_generator.surfaces.shading_kernels import lamp_average
 from fedora_generator.surfaces.textures import Texture
 from fedora_generator.surfaces.world import Lamp, Rectangle, World
 from tests.generator.mpmath_world import MP, cross, dot

@@ -9,16 +9,16 @@ import hdf5plugin  # noqa: F401  registers the codec
 import numpy as np
 import pytest
 
-from fedora_generator import generate, instants
+from fedora_generator import generate, rates
 from fedora_generator.camera import event_camera
 from fedora_generator.choices import SCENE_NAMES, STREAMS
 from fedora_generator.errors import OutputError, SceneError
 from fedora_generator.flight import Flight
 from fedora_generator.flights.presets import PRESET_NAMES
-from fedora_generator.frames import as_8_bit
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.render import ExactWorld
 from fedora_generator.scene import Scene, load_scene
+from fedora_generator.streams import as_8_bit
 from fedora_generator.threads import NUMBA_CONFIG
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS
 from tests.support.sequences import (
@@ -271,11 +271,11 @@ def test_the_frame_stores_rounded_radiance() -> None:
 
 def test_the_flight_is_looked_at_in_pieces_from_end_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """A collision is found at the same instant however the times are cut."""
-    monkeypatch.setattr(instants, "PIECE", 1000)
+    monkeypatch.setattr(rates, "PIECE", 1000)
     scene = load_scene("park-day")
     with pytest.raises(SceneError, match="got inside") as in_pieces:
         generate.require_free_flight(scene, 60_000_000)
-    monkeypatch.setattr(instants, "PIECE", 1 << 20)
+    monkeypatch.setattr(rates, "PIECE", 1 << 20)
     with pytest.raises(SceneError) as at_once:
         generate.require_free_flight(scene, 60_000_000)
     assert str(in_pieces.value) == str(at_once.value)

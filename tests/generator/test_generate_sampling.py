@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fedora_generator.camera import event_camera
-from fedora_generator.events.batch import EventBatch
+from fedora_generator.events.keys import EventBatch
 from fedora_generator.flight import Flight
-from fedora_generator.instants import intervals_us, timestamps_us
+from fedora_generator.rates import intervals_us, timestamps_us
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import MOTION_BOUND_PX, FixedSteps, MotionSteps
 from fedora_generator.scene import load_scene

@@ -7,9 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fedora_generator.flight import Flight, FlightOptions, HarmonicTerm
-from fedora_generator.imu import Imu, ImuOptions
-from fedora_generator.instants import pieces
-from fedora_generator.pose import PoseOptions, PoseSensor
+from fedora_generator.imu import Imu, ImuOptions, PoseOptions, PoseSensor
+from fedora_generator.rates import pieces
 
 FLIGHT = Flight(
     FlightOptions(position_m=(0.0, 0.0, 2.0), terms=(HarmonicTerm(axis="yaw", amplitude=20.0, frequency_hz=1.3),))

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from fedora_generator.camera import Camera, CameraOptions, colour_camera
+from fedora_generator.camera import Camera, CameraOptions, Lens, colour_camera
 from fedora_generator.errors import SceneError
 from fedora_generator.flow import scene_flow_px
 from fedora_generator.generate import Request, generate_sequence
-from fedora_generator.lens import Lens
 from fedora_generator.render import ExactWorld
 from fedora_generator.scene import Scene, load_scene
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fedora_generator import memory
+from fedora_generator import resources
 from fedora_generator.errors import SceneError
 from fedora_generator.scene import load_scene
 
@@ -17,7 +17,7 @@ MEASURE = """
 import sys
 from pathlib import Path
 from fedora_generator.generate import Request, generate_sequence
-from fedora_generator.memory import peak_bytes
+from fedora_generator.resources import peak_bytes
 from fedora_generator.scene import load_scene
 
 def most_bytes():
@@ -66,35 +66,35 @@ def test_inertial_samples_are_written_in_pieces(tmp_path: Path) -> None:
 
 def test_what_does_not_fit_is_refused_with_a_size_that_does(monkeypatch: pytest.MonkeyPatch) -> None:
     """The size that is named fits, and is the largest to do so; all numbers are in the message."""
-    monkeypatch.setattr(memory, "available_bytes", lambda: 400e6)
+    monkeypatch.setattr(resources, "available_bytes", lambda: 400e6)
     scene = load_scene("park-day").with_size(4000, 3000)
     with pytest.raises(SceneError, match=r"most 400 MB .* got 4000x3000 of depth, .* about 1\d{3} MB; use") as refused:
-        memory.require_memory(scene, ALL)
+        resources.require_memory(scene, ALL)
     width, height = map(int, str(refused.value).split("--size ")[1].split(",")[0].split("x"))
-    memory.require_memory(scene.with_size(width, height), ALL)
+    resources.require_memory(scene.with_size(width, height), ALL)
     with pytest.raises(SceneError):
-        memory.require_memory(scene.with_size(width + 8, height + 6), ALL)
-    memory.require_memory(scene, frozenset({"imu", "pose"}))
+        resources.require_memory(scene.with_size(width + 8, height + 6), ALL)
+    resources.require_memory(scene, frozenset({"imu", "pose"}))
 
 
 def test_no_size_is_named_where_none_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Next to no memory is not the fault of the size, nor of the rates of events."""
-    monkeypatch.setattr(memory, "available_bytes", lambda: 50e6)
+    monkeypatch.setattr(resources, "available_bytes", lambda: 50e6)
     with pytest.raises(SceneError, match="free some, or raise its limit"):
-        memory.require_memory(load_scene("park-day"), ALL)
+        resources.require_memory(load_scene("park-day"), ALL)
 
 
 @pytest.mark.parametrize("streams", [frozenset({each}) for each in sorted(ALL)], ids=sorted(ALL))
 def test_fewer_streams_never_take_more(streams: frozenset[str]) -> None:
     """Whatever is left out."""
     for name in ("park-noisy", "park-mesh-day"):
-        assert memory.peak_bytes(load_scene(name), streams) <= memory.peak_bytes(load_scene(name), ALL)
+        assert resources.peak_bytes(load_scene(name), streams) <= resources.peak_bytes(load_scene(name), ALL)
 
 
 def test_a_limit_of_the_address_space_counts() -> None:
     """As ``ulimit -v`` sets it: what is left of it is what there is."""
     code = (
-        "import resource; from fedora_generator.memory import available_bytes\n"
+        "import resource; from fedora_generator.resources import available_bytes\n"
         "from pathlib import Path\n"
         "used = 1024 * int(Path('/proc/self/status').read_text().split('VmSize:')[1].split()[0])\n"
         "resource.setrlimit(resource.RLIMIT_AS, (used + 50_000_000, resource.RLIM_INFINITY))\n"
@@ -127,4 +127,4 @@ def test_the_limit_of_a_cgroup_counts(
     for name, content in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(content)
-    assert min(memory.of_the_cgroups(tmp_path, tmp_path / "membership"), default=None) == expected
+    assert min(resources.of_the_cgroups(tmp_path, tmp_path / "membership"), default=None) == expected

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fedora_generator.mesh.frustum import BoundingSpheres
+from fedora_generator.mesh.rasteriser import BoundingSpheres
 from tests.generator.mesh_cases import LOOKING_EAST, camera, grey, wall
 
 

@@ -13,7 +13,7 @@ import pytest
 from fedora_generator.errors import GraphicsMissingError, SceneError
 from fedora_generator.generate import Request, generate_sequence, require_free_flight
 from fedora_generator.mesh.context import open_context
-from fedora_generator.mesh.detail import MeshDetail
+from fedora_generator.mesh.model import MeshDetail
 from fedora_generator.scene import Place, Scene, load_scene
 from fedora_generator.surroundings import MESH_DETAIL, mesh_detail, render_surroundings, surroundings_of
 from tests.generator.mesh_cases import AMBIENT, LOOKING_EAST, camera, grey, model, wall

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_generator.mesh.detail import MeshDetail
+from fedora_generator.mesh.model import MeshDetail
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.surfaces.light import WHITE_DN
 from fedora_generator.surfaces.world import Lamp

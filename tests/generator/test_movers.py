@@ -15,13 +15,12 @@ from fedora_generator.errors import SceneError
 from fedora_generator.faults.plant import plant_fault
 from fedora_generator.flight import FlightOptions
 from fedora_generator.flow import scene_flow_px
-from fedora_generator.frames import depth_mm
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import MotionSteps
 from fedora_generator.scene import Scene, load_scene
-from fedora_generator.surfaces.movement import Movement, Sway
-from fedora_generator.surfaces.world import Box, Mover, World
+from fedora_generator.streams import depth_mm
+from fedora_generator.surfaces.world import Box, Movement, Mover, Sway, World
 from tests.generator.mpmath_world import MP, Plane, Vector, first_hit, planes_of, project, ray_of, vector
 from tests.generator.test_exact_flow import burst, exact_pose
 

@@ -11,7 +11,7 @@ from fedora_generator.flight import Flight
 from fedora_generator.mesh import places
 from fedora_generator.mesh.model import MeshModel
 from fedora_generator.mesh.places import PLACES, outline_place
-from fedora_generator.mesh.places.race_furniture import GATE_CENTER_M
+from fedora_generator.mesh.places.furniture import GATE_CENTER_M
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.scene import Scene, load_scene
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_generator.flight import Flight, FlightOptions
-from fedora_generator.pose import PoseOptions, PoseSensor
+from fedora_generator.imu import PoseOptions, PoseSensor
 
 FLIGHT = Flight(
     FlightOptions(position_m=(5, 6, 7), velocity_m_s=(1, 2, 0), yaw_rate_deg_s=90.0, attitude_deg=(0, 70, 10))

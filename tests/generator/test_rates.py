@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_generator.generate import Request, generate_sequence
-from fedora_generator.instants import intervals_us, timestamps_us
-from fedora_generator.rates import RateOptions, rate_text
+from fedora_generator.rates import RateOptions, intervals_us, rate_text, timestamps_us
 from fedora_generator.scene import load_scene
 from tests.support.sequences import small_scene
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.flight import Flight, FlightOptions, HarmonicTerm
 from fedora_generator.flow import flow_px
-from fedora_generator.imu import Imu, ImuOptions
-from fedora_generator.pose import PoseOptions, PoseSensor
+from fedora_generator.imu import Imu, ImuOptions, PoseOptions, PoseSensor
 from fedora_qa.conventions import R_BODY_OPTICAL
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.create import create_dataset

@@ -14,7 +14,7 @@ from typing import Final
 import pytest
 
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
-from fedora_qa.storage.opening_limit import OPENING_VARIABLE
+from fedora_qa.storage.signature import OPENING_VARIABLE
 from tests.fuzz.by_command import by_command
 from tests.hostile import patched
 

@@ -12,7 +12,7 @@ from fedora_qa.cli.main import run
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.processes import ProcessExecutor
-from fedora_qa.engine.run import check_file
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import FileRecord
 from fedora_qa.sequence.sequence import open_sequence
 from tests.support.handmade import write_handmade

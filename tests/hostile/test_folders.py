@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.errors import MisuseError
 from tests.support.dsec_folder import write_dsec_folder
 from tests.support.handmade import write_handmade

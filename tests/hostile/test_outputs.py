@@ -14,8 +14,8 @@ from fedora_qa.gating.certificate import read_certificate
 from fedora_qa.gating.policy import read_policy
 from fedora_qa.layout.dialect import load_dialect
 from fedora_qa.record import documents
-from fedora_qa.record.csv_tables import record_to_csv
 from fedora_qa.record.json_io import read_record, record_from_json
+from fedora_qa.record.tables import record_to_csv
 from tests.support.records import file_record, passed, record
 
 DEEP = "[" * 100_000

@@ -207,7 +207,7 @@ def test_a_file_that_changes_while_it_is_checked_is_told(
             change(path)  # at the very end, when the file is not opened any more
             yield done
 
-    monkeypatch.setattr("fedora_qa.cli.check_all.check_files", changing)
+    monkeypatch.setattr("fedora_qa.cli.check.check_files", changing)
     code = run(["check", str(path), "--select", "clocks", "--json", str(tmp_path / "r.json")])
     said = "".join(capsys.readouterr())
     assert code == 3, said

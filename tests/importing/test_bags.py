@@ -13,7 +13,7 @@ from rosbags.rosbag1 import Writer as Writer1
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing.ros1_bag import Ros1Bag
-from fedora_qa.importing.ros_topics import load_topics
+from fedora_qa.importing.ros_bag import load_topics
 from fedora_qa.importing.run import ImportOptions
 from tests.importing.reading import events_of, imported
 from tests.support.bags import FORMS, Bag

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.importing.event_packets import LOST_PACKETS
+from fedora_qa.importing.ros_messages import LOST_PACKETS
 from tests.importing.reading import events_of, imported
 from tests.support.bags import Bag
 from tests.support.prophesee import evt3_words, random_events

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing import recording
 from fedora_qa.importing.run import PROVENANCE, ImportOptions
-from fedora_qa.layout.filters import filter_parameters
+from fedora_qa.layout.decodable import filter_parameters
 from tests.importing.reading import events_of, imported
 from tests.support.prophesee import (
     DAT_HEADER,
@@ -66,7 +66,7 @@ def test_state_is_carried_over_blocks(
     name: str, block_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Blocks of any length give the same events."""
-    monkeypatch.setattr("fedora_qa.importing.word_decoder.BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr("fedora_qa.importing.prophesee_file.BLOCK_BYTES", block_bytes)
     assert block_bytes != recording.BLOCK_BYTES
     events = random_events(300, 1)
     imported(WRITERS[name](tmp_path / "a.raw", events), tmp_path / "out.h5")

@@ -8,7 +8,7 @@ import pytest
 
 from fedora_qa.importing.recording import Block, event_block
 from fedora_qa.importing.sequence_writer import SequenceWriter
-from fedora_qa.layout.chunk_writer import ChunkWriter
+from fedora_qa.layout.direct_chunks import ChunkWriter
 
 
 @pytest.mark.parametrize("is_sorted", [True, False])

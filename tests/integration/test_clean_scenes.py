@@ -10,9 +10,10 @@ import pytest
 from fedora_generator.choices import SCENE_NAMES, STREAMS
 from fedora_generator.flights.presets import PRESET_NAMES
 from fedora_generator.generate import Request, generate_sequence
-from fedora_qa.catalogue import CHECKS
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import FileRecord
+from tests.support.all_checks import CHECKS
 from tests.support.sequences import CleanSequence, small_scene
 
 SCENES = [name for name in SCENE_NAMES if name not in PRESET_NAMES]

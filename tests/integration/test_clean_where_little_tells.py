@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from fedora_generator.corpus.spread import start_of
+from fedora_generator.corpus.ladders import start_of
 from fedora_generator.flight import FlightOptions, HarmonicTerm
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import Scene, load_scene
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 
 LIGHT = frozenset({"rgb", "events"})
 """All that these checks look at."""

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.catalogue import CHECKS
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.types import FileRecord
 from fedora_qa.sequence.sequence import open_sequence
+from tests.support.all_checks import CHECKS
 from tests.support.checked import checks_that_read
 from tests.support.event_view import TwoViews, camera_poses, two_views
 from tests.support.m3ed_folder import write_m3ed_folder, write_m3ed_side

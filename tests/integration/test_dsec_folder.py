@@ -9,7 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.types import FileRecord
 from fedora_qa.sequence.sequence import open_sequence

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from fedora_qa.cli.main import run
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import FileRecord
 from tests.support.handmade import write_handmade
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from fedora_generator.generate import Request, generate_sequence
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import Result
 from tests.support.sequences import small_scene
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.catalogue import CHECKS
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
+from tests.support.all_checks import CHECKS
 from tests.support.checked import checks_that_read
 from tests.support.sequences import CleanSequence
 

@@ -10,7 +10,8 @@ import pytest
 from fedora_generator.faults import plant_fault
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.rates import RateOptions
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import FileRecord
 from tests.support.checked import checks_that_read
 from tests.support.sequences import small_scene

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from tests.support.sequences import CleanSequence
 from tests.support.stored_values import ROUNDINGS, store_rounded
 

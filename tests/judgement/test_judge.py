@@ -8,9 +8,8 @@ import pytest
 from scipy.stats import binomtest
 
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
-from fedora_qa.judgement.judge import Judged, exceeds_limit, judge
+from fedora_qa.judgement.judge import Judged, exceeds_limit, judge, tolerance_for
 from fedora_qa.judgement.materiality import Materiality
-from fedora_qa.judgement.tolerances import tolerance_for
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest, norm
 
-from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
-from fedora_qa.judgement.tolerances import tolerance_for
+from fedora_qa.judgement.judge import tolerance_for
+from fedora_qa.judgement.verdict import DEFAULT_FALSE_ALARM_RATE
 
 
 @given(st.integers(1, 10**7), st.floats(1e-8, 0.1))

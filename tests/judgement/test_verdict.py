@@ -5,10 +5,10 @@ from typing import get_args
 
 import pytest
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of, with_required_coverage
 from fedora_qa.record.types import Outcome, Result, Verdict
 from fedora_qa.record.wording import SHORT_OF_COVERAGE
+from tests.support.all_checks import CHECKS
 from tests.support.records import crashed, failed, file_record, passed
 
 CROSSING = frozenset({"a.crossing"})

@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.layout.bitshuffle import require_sound_blocks
-from fedora_qa.layout.filters import require_filters
-from fedora_qa.layout.links import READ_ERRORS, RefusedError
+from fedora_qa.layout.decodable import require_filters, require_sound_blocks
+from fedora_qa.layout.hdf5_objects import READ_ERRORS, RefusedError
 
 CODECS = ("none", "lz4", "zstd")
 HEADER_BYTES = 12

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.layout.chunk_writer import ChunkWriter, checksum_of
 from fedora_qa.layout.create import create_dataset
+from fedora_qa.layout.direct_chunks import ChunkWriter, checksum_of
 
 KEYS = ("path/events/t", "path/events/x", "path/events/p", "path/imu/angular_velocity", "path/depth", "path/rgb")
 SIZES = {"E": 0, "M": 0, "D": 0, "N": 0, "H": 30, "W": 41, "H_rgb": 31, "W_rgb": 43}
@@ -44,7 +44,7 @@ def test_stored_as_hdf5_stores(key: str, tmp_path: Path) -> None:
 
 def test_more_than_may_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """However little may wait, every chunk lies where it belongs."""
-    monkeypatch.setattr("fedora_qa.layout.chunk_writer._WAITING_BYTES", 4000)
+    monkeypatch.setattr("fedora_qa.layout.direct_chunks._WAITING_BYTES", 4000)
     depth_mm = rows_of((40, 30, 41), np.dtype(np.float32), 2)
     with h5py.File(tmp_path / "a.h5", "w") as file, ChunkWriter(3) as chunks:
         depth = create_dataset(file, "path/depth", SIZES)

@@ -14,7 +14,7 @@ from fedora_qa.layout.dialect import load_dialect
 from fedora_qa.layout.folder import match_folder, matched_folder, recognise_folder
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.sources import images
-from fedora_qa.sources.png import ImageForm, read_image
+from fedora_qa.sources.images import ImageForm, read_image
 from tests.support.dsec_folder import write_dsec_folder, write_png
 from tests.support.handmade import write_handmade
 

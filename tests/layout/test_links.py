@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.layout.links import RefusedError, find_dataset, has_group
+from fedora_qa.layout.hdf5_objects import RefusedError, find_dataset, has_group
 
 
 @pytest.fixture

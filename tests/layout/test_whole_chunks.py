@@ -6,8 +6,8 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.layout.filters import require_whole_chunks
-from fedora_qa.layout.links import RefusedError
+from fedora_qa.layout.decodable import require_whole_chunks
+from fedora_qa.layout.hdf5_objects import RefusedError
 
 VALUES = np.arange(64, dtype=np.int32)
 FILTERS = {

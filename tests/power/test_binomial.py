@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 
-from fedora_qa.power.binomial import chance_of, share_of, upper_bound
+from fedora_qa.power.detection import chance_of, share_of, upper_bound
 
 
 @given(st.integers(1, 400), st.data())

@@ -14,7 +14,7 @@ from fedora_qa.power.detection_power import (
     write_detection_power,
 )
 from fedora_qa.power.tables import power_of
-from fedora_qa.record.power_types import Estimate, Share
+from fedora_qa.record.power_study import Estimate, Share
 from fedora_reports.detection_power import NOTHING_KNOWN
 from tests.support.studies import CHECK, ORIGIN, study
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, FileRun
+from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.errors import MisuseError
 from fedora_qa.power import study
 from fedora_qa.power.detection_power import MEASURED, estimators_digest

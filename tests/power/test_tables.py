@@ -7,14 +7,12 @@ from dataclasses import asdict, replace
 import pytest
 from pydantic import TypeAdapter
 
-from fedora_qa.power.checked_file import MeasuredDeviation, NamedCause, checked_from
-from fedora_qa.power.detection import by_cause, curve_of, detections, false_alarms
+from fedora_qa.power.detection import by_cause, curve_of, detections, factor_between, false_alarms
 from fedora_qa.power.manifest import PlantedFault
 from fedora_qa.power.stated_limits import stated_limits
-from fedora_qa.power.study import Trial
+from fedora_qa.power.study import MeasuredDeviation, NamedCause, Trial, checked_from
 from fedora_qa.power.tables import accuracy_by_status, confusions, magnitude_errors, naming, power_of
-from fedora_qa.power.units import factor_between
-from fedora_qa.record.power_types import NOT_FOUND, StatedLimit
+from fedora_qa.record.power_study import NOT_FOUND, StatedLimit
 from fedora_qa.record.types import Coverage, Measurement, Result
 from tests.support.records import file_record
 from tests.support.studies import CHECK, CLEAN, ORIGIN, clean, faulty, late, measurement, study

@@ -6,13 +6,11 @@
 from pathlib import Path
 
 from fedora_qa.gating.certificate import CERTIFICATE
-from fedora_qa.record.badge import record_to_badge
-from fedora_qa.record.csv_tables import record_to_csv
-from fedora_qa.record.github import record_to_github
+from fedora_qa.record.ci import record_to_badge, record_to_github, record_to_junit
 from fedora_qa.record.json_io import record_to_json
-from fedora_qa.record.junit import record_to_junit
 from fedora_qa.record.markdown import record_to_markdown
 from fedora_qa.record.sarif import record_to_sarif
+from fedora_qa.record.tables import record_to_csv
 from tests.support.certificates import CERTIFIED
 from tests.support.records import (
     HELPS,

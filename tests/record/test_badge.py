@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fedora_qa.record.badge import record_to_badge
+from fedora_qa.record.ci import record_to_badge
 from fedora_qa.record.types import FileRecord
 from tests.support.documented import blocks
 from tests.support.records import crashed, failed, file_record, passed, record

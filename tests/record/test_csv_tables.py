@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 
-from fedora_qa.record.csv_tables import CSV_NAMES, record_to_csv, table_to_csv
+from fedora_qa.record.tables import CSV_NAMES, record_to_csv, table_to_csv
 from fedora_qa.record.types import Record
 from tests.support.random_records import records, unhurried
 from tests.support.records import file_record, record

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 
-from fedora_qa.record.github import record_to_github, silenced
+from fedora_qa.record.ci import record_to_github, silenced
 from fedora_qa.record.types import Record
 from tests.support.random_records import records, unhurried
 from tests.support.records import failed, file_record, passed, record

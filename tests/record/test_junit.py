@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase
 
-from fedora_qa.record.junit import record_to_junit
+from fedora_qa.record.ci import record_to_junit
 from fedora_qa.record.types import Record
 from tests.support.random_records import records, unhurried
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 
-from fedora_qa.cli.parquet import PARQUET_NAMES, arrow_table, write_parquet
+from fedora_qa.cli.outputs import PARQUET_NAMES, arrow_table, write_parquet
 from fedora_qa.record.tables import TABLE_NAMES, table_of, tables_of
 from fedora_qa.record.types import Record
 from tests.support.random_records import records, unhurried

@@ -7,9 +7,8 @@ import pytest
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.tables import power_of
-from fedora_qa.record.power_tables import estimate_words, tables_of
-from fedora_qa.record.power_types import POWER as STUDY
-from fedora_qa.record.power_types import Estimate
+from fedora_qa.record.power_study import POWER as STUDY
+from fedora_qa.record.power_study import Estimate, estimate_words, tables_of
 from tests.support.studies import ORIGIN, study
 
 POWER = power_of(study(), ORIGIN)

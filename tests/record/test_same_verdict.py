@@ -9,12 +9,10 @@ from hypothesis import given
 from junitparser import JUnitXml
 
 from fedora_qa.cli.exit_codes import exit_code
-from fedora_qa.record.badge import record_to_badge
-from fedora_qa.record.csv_tables import record_to_csv
-from fedora_qa.record.github import record_to_github
+from fedora_qa.record.ci import record_to_badge, record_to_github, record_to_junit
 from fedora_qa.record.json_io import record_to_json
-from fedora_qa.record.junit import record_to_junit
 from fedora_qa.record.sarif import record_to_sarif
+from fedora_qa.record.tables import record_to_csv
 from fedora_qa.record.types import Record
 from tests.support.random_records import records, unhurried
 

@@ -9,8 +9,8 @@ from typing import Any
 import jsonschema
 import pytest
 
+from fedora_qa.cli.generated_files import schema_path, schemas
 from fedora_qa.cli.schema import SCHEMAS
-from fedora_qa.cli.schema_files import schema_path, schemas
 from fedora_qa.config import CONFIG_READER, CheckConfig
 from fedora_qa.gating.certificate import CERTIFICATE
 from fedora_qa.gating.policy import POLICY_READER, Policy
@@ -23,7 +23,7 @@ from tests.support.records import crashed, failed, file_record, late_events, not
 
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_schema_is_current(name: str) -> None:
-    """The file in the tree is what the types give; ``python -m fedora_qa.cli.schema_files`` writes it anew."""
+    """The file in the tree is what the types give; ``python -m fedora_qa.cli.generated_files`` writes it anew."""
     made = schemas()[name]
     jsonschema.Draft202012Validator.check_schema(made)
     assert schema_path(name).read_text(encoding="utf-8") == schema_text(made)

@@ -9,9 +9,9 @@ import pytest
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
 from fedora_qa.faults.clocks import ClockShift, TimeUnit
+from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.images import ChannelOrder, InvalidCode
 from fedora_qa.faults.pixels import PolarityInversion, SwappedPixelAxes
-from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, Unsorted
 from fedora_qa.faults.units import LengthUnit
 from fedora_qa.repairs.repair import repair

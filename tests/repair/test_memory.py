@@ -11,7 +11,7 @@ import pytest
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
 from fedora_qa.faults.clocks import ClockShift
-from fedora_qa.faults.reversible import ReversibleFault
+from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.row_order import Unsorted
 from fedora_qa.layout.canonical import EVENT_CHUNK_ROWS
 from fedora_qa.repairs.repair import repair

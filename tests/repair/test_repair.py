@@ -17,18 +17,17 @@ from fedora_qa.errors import MisuseError
 from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import GravityMisdeclared
+from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.images import ChannelOrder
 from fedora_qa.faults.index_maps import IndexShift
 from fedora_qa.faults.motion import GyroBias, PoseInversion, QuaternionOrder
 from fedora_qa.faults.pixels import PolarityInversion
-from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, Unsorted
 from fedora_qa.faults.units import LengthUnit
 from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.types import Measurement, Outcome
 from fedora_qa.repairs.repair import PROVENANCE, choose, repair
-from fedora_qa.repairs.result import Repair, RepairStep
-from fedora_qa.repairs.verify import why_not_better
+from fedora_qa.repairs.result import Repair, RepairStep, why_not_better
 from tests.support.handmade import write_handmade
 from tests.support.repairs import diagnosing_check, diagnosis_of, given_check, record_with
 

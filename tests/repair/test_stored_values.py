@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.errors import NotRepairableError
 from fedora_qa.layout.binding import Binding, canonical_values, selected_columns
-from fedora_qa.repairs.stored_values import replace_values
+from fedora_qa.repairs.write import replace_values
 
 
 def bound(key: str, stored: NDArray[Any], **conversion: Any) -> Binding:

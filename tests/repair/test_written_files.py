@@ -12,10 +12,10 @@ from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import NoiseMisdeclared
+from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.images import TransferMisdeclared
 from fedora_qa.faults.index_maps import IndexSide
 from fedora_qa.faults.motion import PoseInversion
-from fedora_qa.faults.reversible import ReversibleFault
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.layout.canonical import DATASETS

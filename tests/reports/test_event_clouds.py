@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fedora_qa.evidence.options import EvidenceOptions
-from fedora_reports.clouds import CloudView
-from fedora_reports.event_clouds import EventCloud, event_clouds_of
+from fedora_reports.clouds import CloudView, EventCloud, event_clouds_of
 from fedora_reports.evidence import Evidence
 from tests.reports.drawn_dots import dots_of
 from tests.reports.evidence_samples import event_clouds

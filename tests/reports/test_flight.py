@@ -10,9 +10,9 @@ from fedora_qa.record.types import Finding, Where
 from fedora_reports import trajectory
 from fedora_reports.evidence import Evidence
 from fedora_reports.flight import flight_of
-from fedora_reports.frusta import Frusta
 from fedora_reports.html import render_html
 from fedora_reports.timeline import AnchoredFinding
+from fedora_reports.trajectory_path import Frusta
 from tests.reports.evidence_samples import frusta
 from tests.reports.page_reader import complaints_about, read_page
 from tests.support.records import record

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from fedora_reports.evidence import Evidence
-from fedora_reports.frusta import OUTLINE, Frusta, frusta_of
 from fedora_reports.html import render_html
-from fedora_reports.trajectory_path import Box
+from fedora_reports.trajectory_path import OUTLINE, Box, Frusta, frusta_of
 from tests.reports.evidence_samples import frusta
 from tests.support.records import file_record, passed, record
 

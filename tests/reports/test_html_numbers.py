@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from fedora_qa.record.types import Coverage, FileRecord, Measurement
 from fedora_qa.record.wording import OUTCOME_WORDS, coverage_words, with_error, with_unit
 from fedora_reports.html import render_html
+from fedora_reports.page import verdict_of
 from fedora_reports.statistics import all_statistics, paper_tables, split_unit
-from fedora_reports.verdict import verdict_of
 from tests.reports.page_reader import Element, ReadPage, read_page
 from tests.support.records import crashed, failed, file_record, immaterial, late_events, not_observable, passed, record
 

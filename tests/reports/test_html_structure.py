@@ -10,7 +10,7 @@ import pytest
 from fedora_qa.record.types import Canary, FileRecord, Finding, Outcome, Record, Result, Where
 from fedora_qa.record.wording import cause_sentence
 from fedora_reports.html import render_html, report_script
-from fedora_reports.verdict import TITLES
+from fedora_reports.page import TITLES
 from tests.reports.evidence_samples import all_kinds, timeline
 from tests.reports.page_reader import ReadPage, complaints_about, read_page
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record

@@ -7,8 +7,7 @@ from xml.etree import ElementTree
 import pytest
 
 from fedora_qa.power.tables import power_of
-from fedora_qa.record.power_tables import tables_of
-from fedora_qa.record.power_types import CurvePoint, Power
+from fedora_qa.record.power_study import CurvePoint, Power, tables_of
 from fedora_reports.charts import HEIGHT, WIDTH
 from fedora_reports.power import (
     band_path,

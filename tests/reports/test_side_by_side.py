@@ -8,8 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fedora_qa.comparison.subjects import SharedEvidence
-from fedora_reports.comparison import page_of
-from fedora_reports.side_by_side import shared_view
+from fedora_reports.comparison import page_of, shared_view
 from tests.comparison.test_compare import versions
 from tests.reports.evidence_samples import moments
 from tests.reports.trajectory_shapes import flown

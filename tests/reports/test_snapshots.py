@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fedora_reports.colour_maps import Image, drawing
 from fedora_reports.evidence import Evidence
-from fedora_reports.panels import arrows_over, panels_of
-from fedora_reports.picture_scales import scales_for
-from fedora_reports.pictures import Image, drawing
+from fedora_reports.panels import arrows_over, panels_of, scales_for
 from fedora_reports.snapshots import snapshots_of, worst_location_of
 from tests.reports.evidence_samples import beside, moments, place
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from fedora_reports import trajectory
-from fedora_reports.frusta import Frusta
 from fedora_reports.trajectory import TrajectoryPicture, flat_views, render_trajectory
-from fedora_reports.trajectory_path import flown_path, speed_colours
+from fedora_reports.trajectory_path import Frusta, flown_path, speed_colours
 from fedora_reports.trajectory_views import draw_views
 from tests.reports.evidence_samples import frusta
 from tests.reports.trajectory_shapes import SHAPES, loop

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from fedora_reports.trajectory_camera import view_of
-from fedora_reports.trajectory_path import Box, box_around, flown_path, round_step_m
+from fedora_reports.trajectory_path import Box, box_around, flown_path, round_step_m, view_of
 from tests.reports.trajectory_shapes import SHAPES, loop
 
 PLACES = arrays.arrays(

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fedora_qa.record.types import FileRecord, Finding, Where
-from fedora_reports.agreement import AgreementCell, agreement_of
 from fedora_reports.anchors import Anchors
 from fedora_reports.evidence import Evidence
 from fedora_reports.html import render_html
+from fedora_reports.page import AgreementCell, agreement_of
 from fedora_reports.problems import problems_of
 from fedora_reports.strip import pictures_of
 from fedora_reports.trials import TrialView, trial_of

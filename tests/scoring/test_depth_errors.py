@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fedora_qa.scoring.depth_errors import depth_accuracy, depth_errors
-from fedora_qa.scoring.error_sums import ErrorSums, whole_image
+from fedora_qa.scoring.metrics import ErrorSums, depth_accuracy, depth_errors, whole_image
 from fedora_qa.scoring.types import DepthAccuracy
 
 Array = np.ndarray[Any, Any]

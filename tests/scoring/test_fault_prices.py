@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from fedora_qa.cli.explain import explanations_of
+from fedora_qa.cli.outputs import rule_helps
 from fedora_qa.cli.published_studies import PRICE_TITLE, fault_price_text, fault_price_texts
-from fedora_qa.cli.rule_help import rule_helps
 from fedora_qa.errors import MisuseError
 from fedora_qa.scoring.fault_prices import FaultPrice, FaultPrices, read_fault_prices, write_fault_prices
 from fedora_reports.html import render_html

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.scoring.error_sums import ErrorSums, Partition, whole_image
-from fedora_qa.scoring.flow_errors import flow_accuracy, flow_errors
+from fedora_qa.scoring.metrics import ErrorSums, Partition, flow_accuracy, flow_errors, whole_image
 from fedora_qa.scoring.types import FlowAccuracy
 
 Array = np.ndarray[Any, Any]

@@ -8,7 +8,7 @@ from evo.core import metrics, trajectory
 from evo.core.geometry import umeyama_alignment
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.scoring.trajectory_errors import Poses, absolute_errors, aligned, normalised_errors, relative_errors
+from fedora_qa.scoring.metrics import Poses, absolute_errors, aligned, normalised_errors, relative_errors
 from fedora_qa.scoring.types import Alignment
 from tests.support.motion_world import RESTLESS
 

@@ -6,7 +6,8 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
 from fedora_qa.record.types import FileRecord
 from fedora_qa.sequence.facts import clock_of

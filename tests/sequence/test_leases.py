@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.sequence.leases import Leases
-from fedora_qa.sequence.window import Sampling, Span, Window
+from fedora_qa.sequence.window import Leases, Sampling, Span, Window
 from tests.support.flow_world import make_world
 
 IMAGE_BYTES = 800

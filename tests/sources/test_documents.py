@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from fedora_qa.sources import documents
-from fedora_qa.sources.documents import document_value
+from fedora_qa.sources import text
 from fedora_qa.sources.source import SourceError
+from fedora_qa.sources.text import document_value
 
 DOCUMENTS = {
     "a.yaml": "cam:\n  K: [1.5, 2]\n  name: left\n",
@@ -49,6 +49,6 @@ def test_size_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     """A large document is not read."""
     path = tmp_path / "a.yaml"
     path.write_text("a: 1\n")
-    monkeypatch.setattr(documents, "LARGEST_BYTES", 2)
+    monkeypatch.setattr(text, "LARGEST_DOCUMENT_BYTES", 2)
     with pytest.raises(SourceError, match="in 2 bytes at most"):
         document_value(path, "a")

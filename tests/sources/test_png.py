@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from fedora_qa.sources import png
-from fedora_qa.sources.png import ImageForm, image_form, read_image
+from fedora_qa.sources import images
+from fedora_qa.sources.images import ImageForm, image_form, read_image
 from fedora_qa.sources.source import SourceError
 from tests.support.dsec_folder import write_png
 
@@ -119,6 +119,6 @@ def test_a_stated_size_is_refused_before_memory_is_taken(sound: Path, monkeypatc
     sound.write_bytes(bytes(content))
     with pytest.raises(SourceError, match="33554432 pixels at most, got 65536 x 65536"):
         image_form(sound)
-    monkeypatch.setattr(png, "LARGEST_BYTES", 10)
+    monkeypatch.setattr(images, "LARGEST_BYTES", 10)
     with pytest.raises(SourceError, match="in 10 bytes at most"):
         read_image(sound, ImageForm((1, 1), "uint8"))

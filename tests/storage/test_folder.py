@@ -9,8 +9,7 @@ import pytest
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage import digest, folder
 from fedora_qa.storage.digest import file_digest, whole_digest
-from fedora_qa.storage.folder import list_files
-from fedora_qa.storage.version import local_version
+from fedora_qa.storage.folder import list_files, local_version
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ from dataclasses import replace
 from datetime import date
 from typing import Final
 
+from fedora_qa.gating.acceptance import Waiver
 from fedora_qa.gating.certificate import Certificate, CertifiedCheck, CertifiedFile, Sight
-from fedora_qa.gating.waivers import Waiver
 from fedora_qa.record.types import Coverage, Tool
 
 _UNSIGNED: Final = Certificate(

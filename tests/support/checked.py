@@ -3,10 +3,11 @@
 from pathlib import Path
 from unittest.mock import patch
 
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.causes import stream_family
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import Diagnosis, FileRecord, Result
+from tests.support.all_checks import CHECKS
 
 
 def measured_record(path: Path, *select: str) -> FileRecord:

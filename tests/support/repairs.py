@@ -7,8 +7,8 @@ from pathlib import Path
 from fedora_qa.causes import CAUSES
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.run import check_file
-from fedora_qa.faults.reversible import ReversibleFault
+from fedora_qa.engine.tasks import check_file
+from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.record.types import Diagnosis, DiagnosisStatus, FileRecord, Finding, Result, Where
 
 CheckFunction = Callable[[Path, CheckOptions, Progress], FileRun]

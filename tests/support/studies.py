@@ -6,9 +6,8 @@ from math import erf, log, sqrt
 import numpy as np
 
 from fedora_qa.config import CheckConfig
-from fedora_qa.power.checked_file import CheckedFile, MeasuredDeviation, NamedCause
 from fedora_qa.power.manifest import CorpusItem, PlantedFault
-from fedora_qa.power.study import Trial
+from fedora_qa.power.study import CheckedFile, MeasuredDeviation, NamedCause, Trial
 from fedora_qa.power.tables import Origin
 
 CHECK = "event_response.timing"

@@ -7,8 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from fedora_qa.engine.executor import Kept
-from fedora_qa.engine.worker import Worker
+from fedora_qa.engine.executor import Kept, Worker
 
 
 def count(to: int, worker: Worker) -> tuple[int, int]:

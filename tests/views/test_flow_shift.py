@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.estimators.flow.shift_fit import ShiftFit
-from fedora_qa.views.flow_shift import FieldShift, common_shift
+from fedora_qa.views.flow_comparison import FieldShift, common_shift
 
 ERROR_PX = 0.01
 

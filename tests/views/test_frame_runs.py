@@ -6,8 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.events.excursions import EVERY_FRAME, ConservationLaw, Excursions, bound
-from fedora_qa.estimators.events.linear_runs import follow_runs
+from fedora_qa.estimators.events.conservation import EVERY_FRAME, ConservationLaw, Excursions, bound, follow_runs
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.views.frame_runs import EVEN, FrameRun, FrameRuns, violations
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.estimators.imu.sequence_fit import fit_inertial
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.sequence.window import ImuSamples, PoseSamples

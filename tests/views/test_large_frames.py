@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fedora_qa.views.large_frames import bands, near
+from fedora_qa.views.frames import bands, near
 
 
 @pytest.mark.parametrize("share", [0.25, 0.6])

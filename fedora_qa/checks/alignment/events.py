@@ -26,7 +26,7 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import why_not_one_view
 from fedora_qa.views.depth_edges import DARK_DN, DepthEdges, depth_edges
 from fedora_qa.views.event_camera import intervals_due, resampled_frames
-from fedora_qa.views.large_frames import is_large, turn_of
+from fedora_qa.views.frames import is_large, turn_of
 
 Float64 = NDArray[np.float64]
 

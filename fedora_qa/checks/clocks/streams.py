@@ -13,7 +13,7 @@ from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Clock, EventScan, Facts
-from fedora_qa.views.timestamp_unit import UNIT_FACTORS, UNIT_WITHIN
+from fedora_qa.views.clock_resets import UNIT_FACTORS, UNIT_WITHIN
 
 _FEWEST_STEPS: Final = 3
 """Steps of a part of the stream that must agree in another unit: a single long one is a gap."""

@@ -13,7 +13,7 @@ from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.timestamp_unit import UNIT_FACTORS, unit_factor
+from fedora_qa.views.clock_resets import UNIT_FACTORS, unit_factor
 
 
 class ClocksUnit(FactsCheck):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
-from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
+from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
-from fedora_qa.estimators.events.level_changes import level_changes
+from fedora_qa.estimators.events.levels import level_changes
 from fedora_qa.estimators.events.shift import (
     CLEAR,
     RADIUS_PX,
@@ -22,7 +22,7 @@ from fedora_qa.estimators.events.shift import (
     open_level_errors,
 )
 from fedora_qa.estimators.events.shift_kernels import KNOWN, USABLE
-from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
+from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.events.lone_events import LoneEvents, count_lone_events
+from fedora_qa.estimators.events.rates import LoneEvents, count_lone_events
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import EventModel

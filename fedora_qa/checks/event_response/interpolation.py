@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S
-from fedora_qa.estimators.events.straight_runs import (
+from fedora_qa.estimators.events.time_jitter import (
     FEWEST_EVENTS,
     LEAST_SPACING_TICKS,
     chance_of_line,
     straight_runs,
 )
-from fedora_qa.estimators.images.tracked_motion import tracked_motion_px
+from fedora_qa.estimators.images.samples import tracked_motion_px
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -24,11 +24,11 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
     intervals_due,
     is_large_sensor,
+    local_tick_ns,
     pixel_events,
     resampled_frames,
     why_frames_and_events_do_not_meet,
 )
-from fedora_qa.views.event_tick import local_tick_ns
 
 STEPS: Final = (1, 2, 3, 4, 5, 6, 8, 10)
 """Numbers of renders in a frame interval that are tested."""

@@ -16,7 +16,7 @@ from fedora_qa.checks.event_stream.event_rows import (
 )
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Notice, Observation, WindowCheck
-from fedora_qa.estimators.events.row_kernels import survey_columns
+from fedora_qa.estimators.events.pixels import survey_columns
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts

@@ -16,6 +16,7 @@ from fedora_qa.checks.event_stream.event_rows import (
 )
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.estimators.events.pixels import count_repeats, find_repeats
 from fedora_qa.estimators.events.repeats import (
     AROUND,
     MOST_PER_TICK,
@@ -25,12 +26,10 @@ from fedora_qa.estimators.events.repeats import (
     count_quiet_pairs,
     tally_ticks,
 )
-from fedora_qa.estimators.events.row_kernels import count_repeats, find_repeats
 from fedora_qa.features import Feature
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import HALO_NS, own, pixel_events, sensor_events, sensor_shape
-from fedora_qa.views.event_tick import local_tick_ns
+from fedora_qa.views.event_camera import HALO_NS, local_tick_ns, own, pixel_events, sensor_events, sensor_shape
 
 _MOST_TILES: Final = 32
 """Largest number of tiles of a doubled tick that is counted exactly: with more, the probability is negligible."""

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from fedora_qa.checks.event_stream.event_rows import event_coverage
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.clocks.grid import crowded_step_ns
-from fedora_qa.estimators.events.gaps import BINS, EventSilence, least_probable_silence
+from fedora_qa.estimators.events.rates import BINS, EventSilence, least_probable_silence
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.clock_resets import clock_reset
-from fedora_qa.views.event_camera import all_events, own
-from fedora_qa.views.event_tick import local_tick_ns, tick_ns
+from fedora_qa.views.event_camera import all_events, local_tick_ns, own, tick_ns
 
 Int64 = NDArray[np.int64]
 
@@ -93,7 +92,7 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
     Sources
     -------
     M. Greenwood, G. U. Yule, J. R. Stat. Soc. 83 (1920) for counts of a gamma distributed rate; derivation in
-    ``fedora_qa/estimators/events/gaps.py``.
+    ``fedora_qa/estimators/events/rates.py``.
     """
 
     name = "event_stream.gaps"

@@ -19,7 +19,7 @@ from fedora_qa.sequence.window import Events, Window
 from fedora_qa.views.camera_mapping import why_not_one_view
 from fedora_qa.views.event_camera import sensor_shape
 from fedora_qa.views.flow_intervals import Interval, owned_intervals, place
-from fedora_qa.views.large_frames import bands, is_large, near
+from fedora_qa.views.frames import bands, is_large, near
 
 Float64 = NDArray[np.float64]
 

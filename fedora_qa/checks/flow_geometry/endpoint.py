@@ -9,19 +9,31 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.flow.motion_fit import sum_of
-from fedora_qa.estimators.flow.templates import FLOW_GAIN, PARAMETER_TEMPLATES, TIME_OFFSET
+from fedora_qa.estimators.flow.motion_fit import FLOW_GAIN, PARAMETER_TEMPLATES, TIME_OFFSET, sum_of
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.camera_motion import motion_over
 from fedora_qa.views.depth_pairs import why_no_geometry
-from fedora_qa.views.flow_comparison import FieldError, compare_field, is_noisy
+from fedora_qa.views.flow_comparison import (
+    FieldError,
+    FieldShift,
+    FlowParameterFit,
+    common_shift,
+    compare_field,
+    is_noisy,
+    shift_of_field,
+)
 from fedora_qa.views.flow_conventions import ConventionTrial, try_inverse_transforms
-from fedora_qa.views.flow_intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
-from fedora_qa.views.flow_parameter_fit import FlowParameterFit
-from fedora_qa.views.flow_shift import FieldShift, common_shift, shift_of_field
+from fedora_qa.views.flow_intervals import (
+    PoseTrack,
+    ends_on_frame,
+    frame_at,
+    motion_over,
+    owned_intervals,
+    place,
+    pose_track,
+)
 
 _MOST_FOLLOW_UPS: Final = 8
 

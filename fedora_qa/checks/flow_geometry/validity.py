@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.flow_geometry.interval_timestamps import timestamp_statistics
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
-from fedora_qa.estimators.flow.validity_kernels import compare_patterns, depth_range_m
+from fedora_qa.estimators.flow.mask import compare_patterns, depth_range_m
 from fedora_qa.features import Feature
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.lens import border_pixels
@@ -18,17 +18,17 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.camera_motion import motion_over
 from fedora_qa.views.flow_intervals import (
     Interval,
     PoseTrack,
     depths_plausible,
     frame_at,
+    motion_over,
     owned_intervals,
     place,
     pose_track,
 )
-from fedora_qa.views.static_depth import static_depth_m
+from fedora_qa.views.pixel_lattice import static_depth_m
 
 _SIGMAS: Final = 8.0
 """Distance from the camera's plane, in sigma of declared pose noise, within which a point counts as neither before nor

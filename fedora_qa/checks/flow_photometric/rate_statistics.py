@@ -7,11 +7,16 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
+from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.estimators.fitting.tails import chance_of_largest
-from fedora_qa.estimators.flow.field_fit import CENTRE, FOCAL, GAIN, MEAN, MOUNTING, SHIFT, TIME
-from fedora_qa.estimators.flow.motion_fit import sum_of
-from fedora_qa.estimators.flow.rate_fit import (
+from fedora_qa.estimators.flow.field_fit import (
+    CENTRE,
+    FOCAL,
+    GAIN,
+    MEAN,
+    MOUNTING,
+    SHIFT,
+    TIME,
     RateFit,
     TemplateSizes,
     error_scales,
@@ -20,6 +25,7 @@ from fedora_qa.estimators.flow.rate_fit import (
     have_common_gain,
     own_mean_share,
 )
+from fedora_qa.estimators.flow.motion_fit import sum_of
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts

@@ -19,7 +19,7 @@ from fedora_qa.checks.flow_photometric.rate_statistics import (
 )
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.flow.tiles import TileGrid, patches_of
+from fedora_qa.estimators.flow.residual import TileGrid, patches_of
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window

@@ -15,19 +15,25 @@ from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.flow_chains import Chain, ComposedPaths, FieldTransform, Segment, compose, exists, segments
-from fedora_qa.views.flow_comparison import equal_bits
-from fedora_qa.views.flow_conventions import ConventionTrial
-from fedora_qa.views.flow_rate_agreement import (
+from fedora_qa.views.flow_chains import (
     FEWEST_PIXELS,
     MOST_LOST,
+    Chain,
+    ComposedPaths,
+    FieldTransform,
     MedianEndpointError,
     RateAgreement,
+    Segment,
     compare_rates,
     compared_pixels,
+    compose,
+    exists,
     median_error_px,
     path_starts,
+    segments,
 )
+from fedora_qa.views.flow_comparison import equal_bits
+from fedora_qa.views.flow_conventions import ConventionTrial
 
 Float64 = NDArray[np.float64]
 

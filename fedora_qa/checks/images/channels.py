@@ -6,7 +6,7 @@ from typing import Final
 
 from fedora_qa.checks.images.event_colours import ColourCheck, ColourResponse
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.estimators.images.channel_orders import WRONG_ORDERS, nearest_order, towards
+from fedora_qa.estimators.images.event_colours import WRONG_ORDERS, nearest_order, towards
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
@@ -51,7 +51,7 @@ class ImagesChannels(ColourCheck):
     channels, with the time offset as a nuisance parameter (``fedora_qa/estimators/images/event_colours.py``). The
     coefficients over their sum are the weights. The line that separates a wrong order from the correct one with the
     smallest error is Fisher's discriminant, with the covariance of the weights
-    (``fedora_qa/estimators/images/channel_orders.py``). It uses all three weights, which halves the error of a
+    (``fedora_qa/estimators/images/event_colours.py``). It uses all three weights, which halves the error of a
     difference of two. The nearest order is named.
 
     Noise model

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.events.levels import LevelImages, LevelPairs, level_pairs
-from fedora_qa.estimators.images.code_curve import exponent_after_rounding
 from fedora_qa.estimators.images.event_colours import (
     ColourBlocks,
     ColourFit,
@@ -20,8 +19,8 @@ from fedora_qa.estimators.images.event_colours import (
     edge_aware_colours,
     fit_colours,
 )
-from fedora_qa.estimators.images.gain import CODES
-from fedora_qa.estimators.images.transfer import TRANSFERS, to_code, to_linear
+from fedora_qa.estimators.images.gain import CODES, exponent_after_rounding
+from fedora_qa.estimators.images.luma import TRANSFERS, to_code, to_linear
 from fedora_qa.estimators.images.values import count_codes
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.declared import EventModel
@@ -29,11 +28,11 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
     event_footprints,
+    local_tick_ns,
     pixel_events,
     resampled_frames,
     why_frames_and_events_do_not_meet,
 )
-from fedora_qa.views.event_tick import local_tick_ns
 from fedora_qa.views.level_samples import FEWEST_PAIRS, LINEAR_LEAST_TICKS, hot_pixels, least_dn
 
 _SAMPLED_EVERY_PX: Final = 4

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
-from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, sensitivity_range
 from fedora_qa.estimators.images.gain import CODES, brightness_gain, gain_after_rounding, is_informative
 from fedora_qa.estimators.images.values import count_codes, is_of_one_code
 from fedora_qa.features import Feature

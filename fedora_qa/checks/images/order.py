@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
-from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, sensitivity_range
 from fedora_qa.estimators.images.order import FlowRatio, flow_ratio, flow_ratios_of_parts, is_constant
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
 from fedora_qa.views.frame_pairs import luma_on_flow_grid, pairs_with_flow, seen_part
-from fedora_qa.views.large_frames import is_large
+from fedora_qa.views.frames import is_large
 from fedora_qa.views.warped_frames import optics_of
 
 Float64 = NDArray[np.float64]

@@ -11,19 +11,17 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.protocol import Notice, Observation, WindowCheck
-from fedora_qa.estimators.images.digest import digest_of
 from fedora_qa.estimators.images.samples import steepness
-from fedora_qa.estimators.images.values import is_of_one_code
+from fedora_qa.estimators.images.values import digest_of, is_of_one_code
 from fedora_qa.geometry.camera import RigidMotion, camera_motion
 from fedora_qa.geometry.so3 import log
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.flow_intervals import Pose, interval_at, motion_between, pose_track
+from fedora_qa.views.flow_intervals import Pose, interval_at, motion_between, pose_of_frame, pose_track
 from fedora_qa.views.frame_pairs import flow_rate_of, luma_on_flow_grid, seen_part, within
-from fedora_qa.views.frame_poses import pose_of_frame
-from fedora_qa.views.luma import luma_dn
+from fedora_qa.views.frames import luma_dn
 
 Float64 = NDArray[np.float64]
 
@@ -124,7 +122,7 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
 
     Sources
     -------
-    First principles; FIPS 180-4 (SHA-256); ``fedora_qa/estimators/images/digest.py``.
+    First principles; FIPS 180-4 (SHA-256); ``fedora_qa/estimators/images/values.py``.
     """
 
     name = "images.repeats"

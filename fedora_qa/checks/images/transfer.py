@@ -1,14 +1,29 @@
 """Colours against events: the transfer curve."""
 
+from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
 from fedora_qa.checks.images.event_colours import ColourCheck, ColourResponse
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.transfer_codes import CodesBent
+
+
+@dataclass(frozen=True, slots=True)
+class CodesBent(Feature):
+    """Codes are absent as under a power law that was applied to rounded values.
+
+    Attributes
+    ----------
+    exponent
+        Of the power law.
+    """
+
+    exponent: float
+
 
 LEVEL_BIAS: Final = 0.04
 """Bias of the exponent by errors of the level between events: not derived, but measured.
@@ -40,7 +55,7 @@ class ImagesTransfer(ColourCheck):
     multiplies every step by the same factor and cannot be separated from the threshold: the declared thresholds are
     assumed to be correct. The known transfer curves are fitted in turn, and the one with the smallest residual is
     named. A power law that was applied after values had been rounded to 8 bits leaves codes out, which show
-    its exponent: it is then no threshold (``fedora_qa/estimators/images/code_curve.py``).
+    its exponent: it is then no threshold (``fedora_qa/estimators/images/gain.py``).
 
     Noise model
     -----------

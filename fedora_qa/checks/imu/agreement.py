@@ -9,15 +9,19 @@ import numpy as np
 from fedora_qa.checks.protocol import Observation, Statistic
 from fedora_qa.conventions import NS_PER_S, US_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import ParameterEstimate, group_of
-from fedora_qa.estimators.fitting.sensitivity import SensitivityRange, sensitivity_range
-from fedora_qa.estimators.imu.inertial_convention import InertialConvention
+from fedora_qa.estimators.fitting.robust import SensitivityRange, sensitivity_range
+from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import (
+    BiasOfPart,
+    DriftingBias,
+    InertialConventionTrial,
     InertialStreams,
+    MotionKind,
     WindowMotion,
     convention_trial,
     coverage_of,
@@ -25,7 +29,6 @@ from fedora_qa.views.inertial_agreement import (
     is_implausible,
     streams_of,
 )
-from fedora_qa.views.inertial_features import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 from fedora_qa.views.motion_samples import location_of, pose_model
 from fedora_qa.views.sample_defects import (
     clipped_samples,

@@ -49,7 +49,7 @@ class ImuRotation(WindowCheck[WindowMotion]):
     The noise of the gyro's own samples biases gain and timing. Its effect is measured from two halves of the samples,
     subtracted, and not counted as information: quiet flight increases the error and does not bias the result. Samples
     in steps that hardly change have a mean error of up to half a step. It is bounded by their motion in steps and by
-    the declared noise (``fedora_qa/estimators/imu/rounding.py``), and propagated to every parameter.
+    the declared noise (``fedora_qa/estimators/imu/samples.py``), and propagated to every parameter.
 
     Cannot detect
     -------------

@@ -14,6 +14,8 @@ from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.inertial_agreement import (
+    MotionKind,
+    OffsetsApart,
     WindowMotion,
     convention_trial,
     coverage_of,
@@ -21,7 +23,6 @@ from fedora_qa.views.inertial_agreement import (
     motion_of,
     streams_of,
 )
-from fedora_qa.views.inertial_features import MotionKind, OffsetsApart
 from fedora_qa.views.sample_defects import held_imu, timestamp_defects
 
 _RESOLVED_SIGMAS: Final = 6.0

@@ -9,7 +9,7 @@ from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
 from fedora_qa.checks.material_rounding import MATERIAL, UNIFORM
 from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic
 from fedora_qa.conventions import MM_PER_M, NS_PER_S
-from fedora_qa.estimators.imu.rounding import mean_rounding_bound
+from fedora_qa.estimators.imu.samples import mean_rounding_bound
 from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import datasets_of_all, spec_of
 from fedora_qa.record.types import Coverage, Where
@@ -52,7 +52,7 @@ class IntegrityResolution(FactsCheck):
     endpoint error ``sqrt((su^2 + sv^2) / 12)`` (for float16 at 20 px); for depth, the standard deviation of its
     rounding relative to the median depth, which is also the relative error of a parallax; for positions, the length of
     the error vector; for orientations, twice the length of the quaternion's error, in rad; for the IMU, the bias of a
-    sensor at rest, which is half a step, or less where noise is declared (``fedora_qa/estimators/imu/rounding.py``).
+    sensor at rest, which is half a step, or less where noise is declared (``fedora_qa/estimators/imu/samples.py``).
     Single precision counts where values are so far from 0 that its rounding is material, such as positions in metres
     from the equator.
 

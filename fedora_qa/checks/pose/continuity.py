@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.estimators.fitting.sensitivity import sensitivity_range
+from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.estimators.imu.conventions import signed_permutations
 from fedora_qa.estimators.imu.local_motion import (
     OrientationSamples,

@@ -26,7 +26,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.depth.edge_steps import DepthSteps
+from fedora_qa.estimators.depth.inverse_depth import DepthSteps
 from fedora_qa.estimators.fitting.robust import jackknife_errors
 
 Float32 = NDArray[np.float32]

@@ -12,7 +12,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.group_scatter import shared_errors, student_factor
+from fedora_qa.estimators.fitting.tails import shared_errors, student_factor
 
 Float64 = NDArray[np.float64]
 

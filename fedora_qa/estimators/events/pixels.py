@@ -1,6 +1,12 @@
-"""Events sorted by pixel, and by time within each pixel: all events of a pixel are contiguous in memory.
+"""Compiled passes over events: counts, bursts and repeats by pixel, and events sorted by pixel and time.
 
 An event is stored as one number: twice its timestamp plus its polarity.
+
+Compiled loops over events.
+
+Events are arrays (m,) in the order of time: ``x``, ``y`` (columns and rows, px), ``t`` (ns) and ``p`` (1 brighter, 0
+darker). All of them lie on the sensor. An event with the timestamp of a frame belongs to the time before the frame,
+because a timestamp is the first tick that is not before the crossing.
 """
 
 from dataclasses import dataclass
@@ -113,3 +119,218 @@ def _count_within(timestamped: Int64, after: int, until: int) -> int:
     for i in range(len(timestamped)):
         count += (timestamped[i] > least) & (timestamped[i] <= most)
     return count
+
+
+Float64 = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+
+@njit(cache=True)
+def count_between_frames(
+    x: Columns,
+    y: Columns,
+    t: Int64,
+    p: Polarities,
+    frame_times: Int64,
+    counts: Int32,
+) -> None:
+    """Count the events of each pixel in (frame i, frame i + 1].
+
+    Parameters
+    ----------
+    x, y, t, p
+        (m,) events: columns, rows, timestamps (ns) and polarities, as the module describes them.
+    frame_times
+        (n,) strictly increasing timestamps of the frames, ns.
+    counts
+        (n - 1, 2, h, w) is added to: darker events first, then brighter ones.
+    """
+    start = _first_after(t, frame_times[0]) if len(counts) else 0
+    for interval in range(len(counts)):
+        stop, between = _first_after(t, frame_times[interval + 1]), counts[interval]
+        for i in range(start, stop):
+            between[p[i], y[i], x[i]] += 1
+        # The next interval begins with the first event after the frame.
+        start = stop
+
+
+@njit(cache=True)
+def add_counts(counts: Int32, events: Int32) -> None:
+    """Add the events of intervals, of both polarities, to the events of each pixel, in place.
+
+    Parameters
+    ----------
+    counts
+        (n, 2, h, w) darker and brighter events of n intervals.
+    events
+        (h, w) is added to.
+    """
+    for interval in range(len(counts)):
+        for row in range(events.shape[0]):
+            for column in range(events.shape[1]):
+                events[row, column] += counts[interval, 0, row, column] + counts[interval, 1, row, column]
+
+
+@njit(cache=True)
+def _first_after(t: Int64, instant: int) -> int:
+    """Return the index of the first event that is later than an instant, ns, by bisection."""
+    low, high = 0, len(t)
+    while low < high:
+        middle = (low + high) // 2
+        if t[middle] > instant:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@njit(cache=True)
+def survey_columns(
+    x: NDArray[np.integer], y: NDArray[np.integer], p: NDArray[np.integer], shape: tuple[int, int], counts: Int64
+) -> None:
+    """Count events, as stored, that lie outside of the sensor or have an unknown polarity.
+
+    Parameters
+    ----------
+    x, y, p
+        (m,) columns, rows and polarities as stored, in any order, with any values.
+    shape
+        Rows and columns of the sensor.
+    counts
+        (8,) receives: the number of events outside; the number of events whose polarity is neither 0 nor 1; the index
+        of the first event of each kind (-1: none); the largest column and the largest row; the numbers of events with
+        p = 0 and with p = 1.
+    """
+    height, width = shape
+    outside, unknown, off, on, first_outside, first_unknown = 0, 0, 0, 0, -1, -1
+    column, row = np.int64(0), np.int64(0)
+    for i in range(len(x)):
+        beyond = (x[i] < 0) | (x[i] >= width) | (y[i] < 0) | (y[i] >= height)
+        strange = (p[i] != 0) & (p[i] != 1)
+        if beyond and first_outside < 0:
+            first_outside = i
+        if strange and first_unknown < 0:
+            first_unknown = i
+        outside += beyond
+        unknown += strange
+        off += p[i] == 0
+        on += p[i] == 1
+        column, row = max(column, np.int64(x[i])), max(row, np.int64(y[i]))
+    counts[0], counts[1], counts[2], counts[3] = outside, unknown, first_outside, first_unknown
+    counts[4], counts[5], counts[6], counts[7] = column, row, off, on
+
+
+@njit(cache=True)
+def count_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int]) -> int:
+    """Return the number of events that share pixel and timestamp with an event before.
+
+    Parameters
+    ----------
+    x, y, t
+        (m,) columns, rows and timestamps (ns) of events, as the module describes them.
+    shape
+        Rows and columns of the sensor.
+
+    Returns
+    -------
+    int
+        Number of repeats, of any polarity.
+    """
+    # No timestamp equals the least int64: the first event of a pixel repeats no event.
+    last, repeats = np.full(shape, np.iinfo(np.int64).min), 0
+    for i in range(len(t)):
+        repeats += last[y[i], x[i]] == t[i]
+        last[y[i], x[i]] = t[i]
+    return repeats
+
+
+FIRST, LAST, EVENT, RUN = 1, 2, 1 << 2, 1 << 33
+"""Layout of the number of a pixel in ``tally_events``: bit 0 is the polarity of its first event, bit 1 that of its last
+event; bits 2 to 32 are the number of events, bits from 33 on the number of runs of one polarity."""
+
+
+@njit(cache=True)
+def tally_events(x: Columns, y: Columns, p: Polarities, packed: Int64) -> None:
+    """Update the numbers of events and runs of each pixel by the events that come next.
+
+    A run that continues counts once. One number holds all counts of a pixel, so that each event needs one access to
+    memory: successive events lie anywhere on the sensor.
+
+    Parameters
+    ----------
+    x, y, p
+        (m,) columns, rows and polarities of events, as the module describes them.
+    packed
+        (h, w) is updated, in the layout of ``FIRST``, ``LAST``, ``EVENT`` and ``RUN``; 0 for a pixel without events.
+    """
+    for i in range(len(x)):
+        state, sign = packed[y[i], x[i]], np.int64(p[i])
+        if state == 0:
+            state = sign * (FIRST | LAST) + RUN
+        elif (state & LAST) >> 1 != sign:
+            state = (state ^ LAST) + RUN
+        packed[y[i], x[i]] = state + EVENT
+
+
+@njit(cache=True)
+def find_repeats(x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Count the events that share pixel and timestamp with an event before, and the doubled ticks.
+
+    A tick is doubled where every pixel has an even number of events of each polarity, at least eight events in all: a
+    packet that was written twice.
+
+    Parameters
+    ----------
+    x, y, t, p
+        (m,) events: columns, rows, timestamps (ns) and polarities, as the module describes them.
+    shape
+        Rows and columns of the sensor.
+
+    Returns
+    -------
+    tuple[int, int, int, int]
+        Number of repeats; index of the first one (-1: none); number of doubled ticks; index of the first event of the
+        first doubled tick (-1: none).
+    """
+    last = np.full(shape, np.iinfo(np.int64).min)
+    odd = np.zeros((2, *shape), np.bool_)
+    repeats, first, doubled, first_doubled = 0, -1, 0, -1
+    begin, unpaired = 0, 0
+    for i in range(len(t)):
+        if last[y[i], x[i]] == t[i]:
+            repeats += 1
+            first = i if first < 0 else first
+        last[y[i], x[i]] = t[i]
+        odd[p[i], y[i], x[i]] ^= True
+        # Number of pixels and polarities with an odd number of events in this tick; 0 at its end if all form pairs.
+        unpaired += 1 if odd[p[i], y[i], x[i]] else -1
+        if i + 1 == len(t) or t[i + 1] != t[i]:
+            # Eight events form pairs by chance with a small probability; two or four do not.
+            if unpaired == 0 and i + 1 - begin >= 8:
+                doubled += 1
+                first_doubled = begin if first_doubled < 0 else first_doubled
+            for j in range(begin, i + 1):
+                odd[p[j], y[j], x[j]] = False
+            begin, unpaired = i + 1, 0
+    return repeats, first, doubled, first_doubled
+
+
+@njit(cache=True)
+def mark_bursts(x: Columns, y: Columns, t: Int64, least_gap: int, marked: Bool) -> None:
+    """Mark the pixels with two successive events that are closer than a gap.
+
+    Parameters
+    ----------
+    x, y, t
+        (m,) columns, rows and timestamps (ns) of events, as the module describes them.
+    least_gap
+        The gap, ns.
+    marked
+        (h, w) is set to True at these pixels.
+    """
+    # Half the least int64: long before every event, and the difference does not overflow.
+    last = np.full(marked.shape, np.iinfo(np.int64).min // 2)
+    for i in range(len(t)):
+        if t[i] - last[y[i], x[i]] < least_gap:
+            marked[y[i], x[i]] = True
+        last[y[i], x[i]] = t[i]

@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.group_scatter import shared_errors
 from fedora_qa.estimators.fitting.robust import jackknife_errors
+from fedora_qa.estimators.fitting.tails import shared_errors
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.normal_equations import BlockEquations, SummedEquations, inverse_of
-from fedora_qa.estimators.fitting.sensitivity import DETECTION_SIGMAS
+from fedora_qa.estimators.fitting.robust import DETECTION_SIGMAS
 from fedora_qa.estimators.fitting.tails import chi_squared_beyond
 
 Float64 = NDArray[np.float64]

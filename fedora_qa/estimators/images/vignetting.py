@@ -28,9 +28,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.group_scatter import shared_errors
 from fedora_qa.estimators.fitting.huber_regression import huber_regression_weights
 from fedora_qa.estimators.fitting.robust import robust_sigma
+from fedora_qa.estimators.fitting.tails import shared_errors
 
 Float64 = NDArray[np.float64]
 

@@ -25,11 +25,11 @@ from fedora_generator.adaptive.light_kernels import (
     stage_of,
     thresholds_of,
 )
-from fedora_generator.surfaces.projection_kernels import FaceFrames
 from fedora_generator.surfaces.render_kernels import TILE, tile_origin
 from fedora_generator.surfaces.shading_kernels import Surfaces
 from fedora_generator.surfaces.texture_kernels import TextureTable
-from fedora_generator.uncounted import UNCOUNTED
+from fedora_generator.surfaces.visibility_kernels import FaceFrames
+from fedora_generator.threads import UNCOUNTED
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -7,14 +7,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.adaptive.camera_path import CameraPath, camera_paths
+from fedora_generator.adaptive.camera_path import CameraPath, camera_paths, plan_tiles
 from fedora_generator.adaptive.crossing_kernels import DEEPEST, NO_ROOM, NOT_FINITE, Care, Clock, follow_tiles
 from fedora_generator.adaptive.light_kernels import Sensor, scratch_for
-from fedora_generator.adaptive.tile_plan import plan_tiles
 from fedora_generator.camera import Camera
 from fedora_generator.events.comparator import SignalNotFiniteError
 from fedora_generator.events.keys import KeyLayout
-from fedora_generator.events.light import Pixels
+from fedora_generator.events.sensor import Pixels
 from fedora_generator.flight import Flight
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import Fidelity

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from fedora_generator.adaptive.camera_path import RAY_ENTRIES
 from fedora_generator.surfaces.pixel_kernels import MAX_CORNERS, MAX_PIECES, Pieces
-from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE, FaceFrames, project_face
 from fedora_generator.surfaces.render_kernels import TILE, render_pixel
 from fedora_generator.surfaces.shading_kernels import Surfaces, View
 from fedora_generator.surfaces.texture_kernels import TextureTable
-from fedora_generator.surfaces.visibility_kernels import possible_faces
-from fedora_generator.uncounted import UNCOUNTED
+from fedora_generator.surfaces.visibility_kernels import LINES_PER_FACE, FaceFrames, possible_faces, project_face
+from fedora_generator.threads import UNCOUNTED
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from fedora_generator.choices import STREAMS
+from fedora_generator.corpus.ladders import start_span_s
 from fedora_generator.corpus.manifest import (
     MANIFEST,
     PROGRESS,
@@ -24,15 +25,13 @@ from fedora_generator.corpus.manifest import (
     write_listing,
 )
 from fedora_generator.corpus.plan import CorpusOptions, PlannedFault, PlannedFile, plan_corpus
-from fedora_generator.corpus.spread import start_span_s
-from fedora_generator.disk_space import expected_bytes, require_disk_space
 from fedora_generator.errors import GeneratorError, OutputError
 from fedora_generator.faults import FaultError, plant_fault
 from fedora_generator.generate import Request, generate_sequence, require_free_flight
-from fedora_generator.instants import whole_us
-from fedora_generator.memory import require_memory
-from fedora_generator.metadata import generator_version
+from fedora_generator.rates import whole_us
+from fedora_generator.resources import expected_bytes, require_disk_space, require_memory
 from fedora_generator.scene import Scene
+from fedora_generator.write import generator_version
 
 _STEPS_PREFIX: Final = ".between-"
 

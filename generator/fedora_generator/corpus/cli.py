@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from fedora_generator.choices import Quality
 from fedora_generator.corpus.build import build_corpus
 from fedora_generator.corpus.plan import CorpusOptions, plan_corpus
-from fedora_generator.disk_space import expected_bytes
+from fedora_generator.resources import expected_bytes
 from fedora_generator.scene import load_scene
 
 

@@ -9,9 +9,11 @@ import numpy as np
 
 from fedora_generator.camera import colour_camera, event_camera
 from fedora_generator.choices import Quality
-from fedora_generator.corpus.ladders import Ladder, depends_on_pose_noise, ladder_of
-from fedora_generator.corpus.spread import (
+from fedora_generator.corpus.ladders import (
     SINGLE_SIZE_DIVISOR,
+    Ladder,
+    depends_on_pose_noise,
+    ladder_of,
     magnitude_of,
     random_interval_s,
     random_magnitude_of,

@@ -1,27 +1,62 @@
-"""The event camera: luminance samples in, events out.
+"""The event camera: luminance samples or light known at all times in, events out.
 
 ``log``: L = ln(Y + log_eps_dn), a straight line between samples; an event whenever L reaches reference +- threshold,
 which then is the new reference, as many as fit. ``linear``: the sensor's own rint(Y); one event where it differs from
 the reference by strictly more than the threshold, the reference becomes the value (as the simulated DVS plugin does).
 """
 
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.errors import SceneError
-from fedora_generator.events import key_kernels
-from fedora_generator.events.batch import EventBatch, decode, sort_and_decode
+from fedora_generator.events import keys as key_kernels
 from fedora_generator.events.comparator import Comparator, SignalNotFiniteError
-from fedora_generator.events.keys import KeyLayout
-from fedora_generator.events.light import CrossingSource, Pixels, follows_light
+from fedora_generator.events.keys import EventBatch, KeyLayout, decode, sort_and_decode
 from fedora_generator.events.noise import LowPass, PoissonEvents, draw_hot_pixels, draw_thresholds
 from fedora_generator.events.options import EventSensorOptions
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 
 Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pixels:
+    """The state of a log sensor that crossings need; ``reference`` and ``signal`` (H, W) are changed in place.
+
+    Thresholds are (H, W), or (1, W) where all rows share them. The signal is ln(luma_dn + log_eps_dn) plus what has
+    leaked: ``leak_per_s`` times ``threshold_on`` a second since the recording began, at ``origin_ns``.
+    """
+
+    reference: Floats
+    signal: Floats
+    threshold_on: Floats
+    threshold_off: Floats
+    log_eps_dn: float = 0.0
+    leak_per_s: float = 0.0
+    origin_ns: int = 0
+
+
+class CrossingSource(Protocol):
+    """Light that is known at all times, not in images only."""
+
+    def crossings(self, pixels: Pixels, start_ns: int, stop_ns: int) -> Keys:
+        """Sorted keys of the events in (start, stop]; reference and signal are left as at ``stop_ns``.
+
+        Raises
+        ------
+        SignalNotFiniteError
+            A pixel has no logarithm; its value stays in the signal.
+        """
+
+
+def follows_light(options: EventSensorOptions) -> bool:
+    """Whether a sensor can follow light: not with a bandwidth, which depends on the past, nor ``linear`` images."""
+    return options.model == "log" and options.bandwidth_hz == 0
+
 
 # Keys of the random streams: adding one effect leaves the draws of the others as they were.
 _ON, _OFF, _PHASE, _SHOT, _HOT_PLACE, _HOT = range(6)

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 from fedora_generator.adaptive.follower import Follower
 from fedora_generator.camera import event_camera
 from fedora_generator.choices import Quality
-from fedora_generator.events.batch import EventBatch
-from fedora_generator.events.light import follows_light
-from fedora_generator.events.sensor import EventSensor
-from fedora_generator.metadata import write_camera, write_events
+from fedora_generator.events.keys import EventBatch
+from fedora_generator.events.sensor import EventSensor, follows_light
 from fedora_generator.render import ExactWorld
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.sampling import FIDELITY, MOTION_BOUND_PX, FixedSteps, MotionSteps, Sampling
 from fedora_generator.scene import Scene
-from fedora_generator.write import EventColumns, IndexMap, write_dataset
+from fedora_generator.write import EventColumns, IndexMap, write_camera, write_dataset, write_events
 from fedora_qa.conventions import NS_PER_US
 
 

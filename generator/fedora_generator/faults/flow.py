@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.metadata import MatrixChange, group_in, longer_focal, rolled, shifted_centre
+from fedora_generator.faults.pose import body_poses_at
 from fedora_generator.faults.rows import edit_values, flow_streams_in, streams_in, timestamps_in, window_of
-from fedora_generator.faults.trajectory import body_poses_at
 from fedora_generator.flow import flow_px
 from fedora_qa.conventions import MM_PER_M, US_PER_S
 

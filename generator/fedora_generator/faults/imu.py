@@ -8,8 +8,8 @@ from scipy.signal import savgol_filter
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.metadata import declare_noise
+from fedora_generator.faults.pose import attitudes_at
 from fedora_generator.faults.rows import edit, edit_values, window_of
-from fedora_generator.faults.trajectory import attitudes_at
 from fedora_qa.conventions import US_PER_S
 
 GYRO, ACCEL, TIMESTAMPS = "path/imu/angular_velocity", "path/imu/linear_acceleration", "path/imu/ts"

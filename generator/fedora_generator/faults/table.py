@@ -8,21 +8,7 @@ from typing import Final
 
 import h5py
 
-from fedora_generator.faults import (
-    clocks,
-    depth,
-    events,
-    flow,
-    images,
-    imu,
-    index_maps,
-    interpolated_events,
-    metadata,
-    pose,
-    rgb,
-    samples,
-    storage,
-)
+from fedora_generator.faults import events, flow, images, imu, index_maps, metadata, pose, samples, storage
 from fedora_generator.faults.fault import Fault
 from fedora_qa.causes import CAUSES, INDEX_MAPS, TIMED, stream_family
 from fedora_qa.layout.canonical import FLOW_STREAMS
@@ -41,10 +27,10 @@ def _by_stream(cause: str, streams: Iterable[str], edit: Edit) -> dict[tuple[str
 
 FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
     {
-        **_by_stream("time_offset", TIMED, clocks.time_offset),
-        **_by_stream("clock_rate", TIMED, clocks.clock_rate),
-        **_by_stream("quantised_time", TIMED, clocks.quantised_time),
-        **_by_stream("time_unit", TIMED, clocks.time_unit),
+        **_by_stream("time_offset", TIMED, samples.time_offset),
+        **_by_stream("clock_rate", TIMED, samples.clock_rate),
+        **_by_stream("quantised_time", TIMED, samples.quantised_time),
+        **_by_stream("time_unit", TIMED, samples.time_unit),
         **_by_stream("quantised_values", ("depth", "flow", "pose", "imu"), storage.quantised_values),
         **_by_stream("dropped_samples", TIMED, samples.dropped_samples),
         **_by_stream("duplicated_samples", TIMED, samples.duplicated_samples),
@@ -62,7 +48,7 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         ("axes_swapped", "events"): events.axes_swapped,
         ("mirrored", "events"): events.mirrored,
         ("spatial_offset", "events"): events.spatial_offset,
-        ("interpolated_frames", "events"): interpolated_events.interpolated_frames,
+        ("interpolated_frames", "events"): events.interpolated_frames,
         ("dead_region", "events"): events.dead_region,
         ("hot_pixels", "events"): events.hot_pixels,
         ("time_jitter", "events"): events.time_jitter,
@@ -100,11 +86,11 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         ("intrinsics_centre", "flow"): flow.intrinsics_centre,
         ("extrinsic_rotation", "flow"): flow.extrinsic_rotation,
         ("flow_from_noisy_pose", "flow"): flow.flow_from_noisy_pose,
-        ("unit_mm_m", "depth"): depth.unit_mm_m,
-        ("depth_ray_not_z", "depth"): depth.depth_ray_not_z,
-        ("channel_order", "rgb"): rgb.channel_order,
-        ("exposure_or_gamma", "rgb"): rgb.exposure_or_gamma,
-        ("vignetting", "rgb"): rgb.vignetting,
+        ("unit_mm_m", "depth"): images.unit_mm_m,
+        ("depth_ray_not_z", "depth"): images.depth_ray_not_z,
+        ("channel_order", "rgb"): images.channel_order,
+        ("exposure_or_gamma", "rgb"): images.exposure_or_gamma,
+        ("vignetting", "rgb"): images.vignetting,
         ("intrinsics_focal", "metadata"): metadata.intrinsics_focal,
         ("intrinsics_centre", "metadata"): metadata.intrinsics_centre,
         ("extrinsic_rotation", "metadata"): metadata.extrinsic_rotation,

@@ -7,8 +7,7 @@ from typing import Annotated, Any, Final
 from pydantic import BeforeValidator, Discriminator, Tag
 
 from fedora_generator.flight import FlightOptions
-from fedora_generator.flights.burst import BurstOptions
-from fedora_generator.flights.kinds import HoverOptions, LoopOptions, SurveyOptions, WaypointsOptions
+from fedora_generator.flights.kinds import BurstOptions, HoverOptions, LoopOptions, SurveyOptions, WaypointsOptions
 from fedora_generator.flights.plan import waypoints_table
 from fedora_generator.flights.presets import preset_table
 

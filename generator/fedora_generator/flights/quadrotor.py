@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.errors import SceneError
 from fedora_generator.flights.gusts import Gusts
-from fedora_generator.flights.route import Route
-from fedora_generator.flights.smoothed_line import Derivatives
+from fedora_generator.flights.route import Derivatives, Route
 from fedora_generator.rotations import body_rates_from_zyx, matrices_from_quaternions, quaternions_from_zyx
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
 

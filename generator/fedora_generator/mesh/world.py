@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.camera import Camera
-from fedora_generator.mesh.detail import MeshDetail
-from fedora_generator.mesh.model import MeshModel
+from fedora_generator.mesh.model import MeshDetail, MeshModel
 from fedora_generator.surfaces.light import WHITE_DN, Light
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 

@@ -14,7 +14,7 @@ from typing import Final
 
 import click
 
-from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
+from fedora_qa.judgement.verdict import DEFAULT_FALSE_ALARM_RATE
 from tests.benchmarks.false_alarms.calibration import CONFIDENCE, LEVELS, Calibration, alarms, calibrations
 from tests.benchmarks.false_alarms.checked import Checked, checked
 from tests.benchmarks.false_alarms.combinations import COMBINATIONS, SIZE

@@ -8,7 +8,8 @@ from typing import Any
 
 import h5py
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from tests.benchmarks.foreign.scenes import Source, state_path
 from tests.benchmarks.foreign.transformation import Transformation
 

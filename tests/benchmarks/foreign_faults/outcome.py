@@ -9,7 +9,8 @@ from typing import Any
 import h5py
 
 from fedora_qa.causes import stream_family
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from tests.benchmarks.foreign_faults.kind import Kind, Plan
 from tests.benchmarks.foreign_faults.sources import Source
 

@@ -19,14 +19,14 @@ from dask.distributed import LocalCluster
 
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
-from fedora_qa.catalogue import CHECKS
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
-from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.options import Effort
 from fedora_qa.layout.canonical import FLOW_STREAMS
 from tests.benchmarks.full_size.figures import OfEffort, OnCluster, Reading, Selection, Statistic, Study, Turn
 from tests.benchmarks.full_size.machine import measure_machine
 from tests.benchmarks.full_size.measured_run import Run, fedora_qa, run_measured
 from tests.benchmarks.full_size.page import page
+from tests.support.all_checks import CHECKS
 
 ROOT: Final = Path(__file__).parents[3]
 TARGET: Final = ROOT / "docs" / "full-size.md"

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_camera
 from fedora_generator.flight import Flight
-from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.mesh.from_world import model_of_world
+from fedora_generator.mesh.model import MeshDetail
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.render import ExactWorld
 from fedora_generator.rendered_world import RenderedWorld

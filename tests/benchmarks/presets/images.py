@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from fedora_generator.camera import colour_camera
 from fedora_generator.flow import flow_px
-from fedora_generator.frames import in_range
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.scene import Scene
+from fedora_generator.streams import in_range
 from fedora_qa.conventions import FLOW_RATES_HZ, US_PER_S
 
 Floats = NDArray[np.float64]

@@ -18,7 +18,7 @@ from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.rates import RateOptions
 from fedora_generator.scene import load_scene
 from fedora_qa.cli.exit_codes import CLEAN
-from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.options import Effort
 from tests.benchmarks.full_size.measured_run import Run, fedora_qa, run_measured
 from tests.benchmarks.full_size.plain_reading import decode
 from tests.benchmarks.full_size.study import JOBS, ROOT, full_size_sequence

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.options import Effort
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,12 +24,13 @@ import hdf5plugin  # noqa: F401  (reading needs its filters)
 from fedora_generator.faults import plant_fault
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
+from fedora_qa.catalogue import select_checks
 from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.engine.budget import visiting_order
-from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.run import CheckOptions, FileRun, check_file, quiet, select_checks
+from fedora_qa.engine.options import CheckOptions, Effort, FileRun
+from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import prepare, survey_file
-from fedora_qa.engine.tasks import measure_and_assemble
+from fedora_qa.engine.tasks import check_file, measure_and_assemble
 from fedora_qa.sequence.sequence import open_sequence
 from tests.benchmarks.full_size.measured_run import fedora_qa, run_measured
 from tests.benchmarks.trade.chart import chart

@@ -61,7 +61,7 @@ def test_quarters_of_large_frames_tell(right_px: int, tmp_path: Path, monkeypatc
     """Where a quarter of the rows has its turn in each interval, the shift is that of the whole image."""
     path = shifted(log_file(), right_px).write(tmp_path / "file.h5")
     whole = run_check(path, CHECK)
-    monkeypatch.setattr("fedora_qa.views.large_frames.USUAL_PIXELS", 1000)
+    monkeypatch.setattr("fedora_qa.views.frames.USUAL_PIXELS", 1000)
     result = run_check(path, CHECK)
     assert result.coverage == whole.coverage
     assert rules(result) == rules(whole)

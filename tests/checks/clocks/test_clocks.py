@@ -8,13 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.catalogue import CHECKS, hypotheses_of
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.clocks.rate import ClocksRate
 from fedora_qa.checks.clocks.resolution import ClocksResolution
 from fedora_qa.checks.protocol import FactsCheck
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
+from tests.support.all_checks import CHECKS
 from tests.support.facts import FLOW_PERIODS_NS, MS, PERIODS_NS, clock, exact_facts, with_clock
 
 CLOCKS = {

@@ -143,7 +143,7 @@ def test_a_part_of_the_intervals_suffices(threshold: float, path: Path, monkeypa
     """Three of ten are used: clean and interpolated events are told apart, with a larger error."""
     clean = log_file(threshold=threshold)
     error = lines_of(clean, path).error
-    monkeypatch.setattr("fedora_qa.views.large_frames.USUAL_PIXELS", 1000)
+    monkeypatch.setattr("fedora_qa.views.frames.USUAL_PIXELS", 1000)
     path.unlink()
     lines = lines_of(clean, path)
     assert lines.outcome == "passed"

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from tests.checks.event_file import EventFile, inserted, linear_file, log_file
 from tests.estimators.event_world import MS, Checkers, Stream
 from tests.support.checked import diagnoses_of, measured_record, rules, run_check

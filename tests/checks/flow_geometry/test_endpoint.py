@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.flow_geometry.endpoint import FlowGeometryEndpoint, correction_growth
-from fedora_qa.diagnosis.flow_geometry.endpoint import noise_likeness
+from fedora_qa.diagnosis.flow_geometry import noise_likeness
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel

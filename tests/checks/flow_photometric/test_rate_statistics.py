@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.checks.flow_photometric.rate_statistics import fit_fields, scales_of
-from fedora_qa.estimators.fitting.group_scatter import student_factor
+from fedora_qa.estimators.fitting.tails import student_factor
 from fedora_qa.estimators.flow.field_fit import fit_field, templates_of_flow
 from fedora_qa.views.flow_intervals import Interval
 from fedora_qa.views.flow_residuals import FieldResidual

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.estimators.flow.mask import flow_conflicts
 from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.types import Result

@@ -35,7 +35,7 @@ def first(result: Judged, code: str) -> str:
 
 def make_large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take frames for ones of four times as many pixels as usual."""
-    for user in ("views.large_frames", "checks.images.order"):
+    for user in ("views.frames", "checks.images.order"):
         monkeypatch.setattr(f"fedora_qa.{user}.USUAL_PIXELS", WIDTH * HEIGHT // 4)
 
 

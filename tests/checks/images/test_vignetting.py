@@ -8,10 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from fedora_qa.catalogue import hypotheses_of
-from fedora_qa.checks.images.vignetting import ImagesVignetting
-from fedora_qa.estimators.images.transfer import to_code, to_linear
+from fedora_qa.checks.images.vignetting import ImagesVignetting, squared_radius
+from fedora_qa.estimators.images.luma import to_code, to_linear
 from fedora_qa.sequence.declared import PoseModel
-from fedora_qa.views.cell_brightness import squared_radius
 from tests.support.facts import exact_facts
 from tests.support.flow_world import HEIGHT, WIDTH, FlowWorld, K, judged, make_world, observe
 

@@ -10,7 +10,8 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.imu.agreement import ROTATION_TEXTS, TIMING_TEXTS, TRANSLATION_TEXTS
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.estimators.fitting.grouped_fit import group_of
 from fedora_qa.estimators.imu.preintegration import ROTATION_PARAMETERS
 from fedora_qa.estimators.imu.specific_force import TRANSLATION_PARAMETERS

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import Measurement, Result
 from tests.support.checked import measured_record, run_check
 from tests.support.motion_world import (

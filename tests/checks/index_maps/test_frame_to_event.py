@@ -11,7 +11,8 @@ import pytest
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.index_maps.depth import IndexMapsDepth
 from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
-from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
 from tests.support.checked import diagnoses_of, run_check

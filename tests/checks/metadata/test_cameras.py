@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.metadata.cameras import MetadataCameras
-from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.judgement.judge import exceeds_limit
-from fedora_qa.judgement.tolerances import tolerance_for
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
+from fedora_qa.judgement.judge import exceeds_limit, tolerance_for
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Camera, Declared
 from fedora_qa.sequence.facts import Facts

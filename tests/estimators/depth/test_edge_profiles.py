@@ -18,7 +18,7 @@ from fedora_qa.estimators.depth.edge_profiles import (
     root_counts,
     tile_profiles,
 )
-from fedora_qa.estimators.depth.edge_steps import DepthSteps, depth_steps
+from fedora_qa.estimators.depth.inverse_depth import DepthSteps, depth_steps
 from tests.support.outline_world import FRAMES, OutlineWorld
 
 OFFSETS = np.arange(-RADIUS_PX, RADIUS_PX + 1)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.depth.edge_steps import LEAST_STEP, depth_steps
+from fedora_qa.estimators.depth.inverse_depth import LEAST_STEP, depth_steps
 
 FAR_M = 30.0
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.depth.stored_step import depth_step
+from fedora_qa.estimators.storage.steps import depth_step
 
 ROWS, COLUMNS = np.mgrid[:120, :160].astype(np.float64)
 

@@ -13,7 +13,7 @@ from fedora_qa.estimators.events.delays import (
     largest_rectangle_step,
     largest_segment_step,
 )
-from fedora_qa.estimators.fitting.group_scatter import student_factor
+from fedora_qa.estimators.fitting.tails import student_factor
 
 
 def sums_of(offset_s: np.ndarray, readings: int = 400, noise: float = 0.05, seed: int = 0) -> CellSums:

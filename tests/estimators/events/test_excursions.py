@@ -8,8 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.events.excursions import EVERY_FRAME, ConservationLaw, Excursions, bound
-from fedora_qa.estimators.events.linear_runs import EventFreeRuns, follow_runs
+from fedora_qa.estimators.events.conservation import (
+    EVERY_FRAME,
+    ConservationLaw,
+    EventFreeRuns,
+    Excursions,
+    bound,
+    follow_runs,
+)
 
 ON, OFF = 0.2, 0.3
 STEP_ON, STEP_OFF = 6.0, 8.0

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.events.gaps import EventSilence, least_probable_silence
+from fedora_qa.estimators.events.rates import EventSilence, least_probable_silence
 from tests.estimators.event_world import MS
 
 US = 1_000

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from fedora_qa.estimators.events.level_changes import level_changes, mean_level
+from fedora_qa.estimators.events.levels import level_changes, mean_level
 from fedora_qa.estimators.events.pixels import by_pixel
 
 SHAPE = 3, 5

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.events.lone_events import count_lone_events
+from fedora_qa.estimators.events.rates import count_lone_events
 
 SHAPE, INTERVALS, STEP_S = (80, 96), 50, 0.02
 STEPS_NS = np.full(INTERVALS, 20_000_000)

@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from fedora_qa.estimators.events.pixels import EVENT, RUN
 from fedora_qa.estimators.events.rates import PixelCounts, neighbour_excess
-from fedora_qa.estimators.events.row_kernels import EVENT, RUN
 
 SHAPE = (24, 36)
 TEXTURE = gaussian_filter(np.random.default_rng(0).normal(0, 1, SHAPE), 1.5)

@@ -9,16 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fedora_qa.estimators.clocks.grid import are_crowded
-from fedora_qa.estimators.events.gaps import longest_silences
-from fedora_qa.estimators.events.pixels import by_pixel
-from fedora_qa.estimators.events.rates import PixelCounts
-from fedora_qa.estimators.events.row_kernels import (
+from fedora_qa.estimators.events.pixels import (
+    by_pixel,
     count_between_frames,
     count_repeats,
     find_repeats,
     mark_bursts,
     survey_columns,
 )
+from fedora_qa.estimators.events.rates import PixelCounts, longest_silences
 from tests.estimators.event_world import Stream
 
 SHAPE = (3, 4)

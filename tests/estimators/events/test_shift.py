@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
-from fedora_qa.estimators.events.level_changes import level_changes
+from fedora_qa.estimators.events.levels import level_changes
 from fedora_qa.estimators.events.pixels import by_pixel
 from fedora_qa.estimators.events.shift import (
     CLEAR,

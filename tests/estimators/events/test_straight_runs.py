@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel
-from fedora_qa.estimators.events.straight_runs import chance_of_line, straight_runs
+from fedora_qa.estimators.events.time_jitter import chance_of_line, straight_runs
 
 US = 1_000
 INTERVAL_NS = 20_000 * US

@@ -16,7 +16,7 @@ from fedora_qa.estimators.events.threshold_fit import (
     fit_response,
     normal_blocks,
 )
-from fedora_qa.estimators.fitting.group_scatter import student_factor
+from fedora_qa.estimators.fitting.tails import student_factor
 
 Floats = NDArray[np.float64]
 THETA = np.array([0.21, 0.19, 2e-3, -3e-4])

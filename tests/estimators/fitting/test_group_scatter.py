@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from fedora_qa.estimators.fitting.group_scatter import TAIL, shared_errors, student_factor
+from fedora_qa.estimators.fitting.tails import TAIL, shared_errors, student_factor
 
 
 @pytest.mark.parametrize("freedom", [4, 9, 30])

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.fitting.sensitivity import DETECTION_SIGMAS, sensitivity_range
+from fedora_qa.estimators.fitting.robust import DETECTION_SIGMAS, sensitivity_range
 
 SIZES = st.floats(0.0, 1e3)
 

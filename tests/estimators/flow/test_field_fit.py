@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.fitting.group_scatter import student_factor
+from fedora_qa.estimators.fitting.tails import student_factor
 from fedora_qa.estimators.flow.field_fit import (
     GAIN,
     LOCKING,

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.flow.mask import edges, flow_conflicts, inverse_depth
-from fedora_qa.estimators.flow.tiles import TileGrid
+from fedora_qa.estimators.flow.residual import TileGrid
 from fedora_qa.estimators.flow.visibility import seen_in_both, seen_in_few_tiles
 from fedora_qa.geometry.camera import RigidMotion
 

@@ -5,16 +5,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.flow.motion_fit import (
+    PARAMETER_TEMPLATES,
     Evidence,
     FlowSample,
     fit_most,
     fit_motion,
     parallel_sum,
+    parameter_templates,
     sum_of,
     twist_statistic,
     weigh_templates,
 )
-from fedora_qa.estimators.flow.templates import PARAMETER_TEMPLATES, parameter_templates
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import rigid_flow
 

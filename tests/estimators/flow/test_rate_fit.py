@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from fedora_qa.estimators.fitting.group_scatter import student_factor
-from fedora_qa.estimators.flow.field_fit import GAIN, MEAN
-from fedora_qa.estimators.flow.motion_fit import Evidence
-from fedora_qa.estimators.flow.rate_fit import (
+from fedora_qa.estimators.fitting.tails import student_factor
+from fedora_qa.estimators.flow.field_fit import (
+    GAIN,
+    MEAN,
     error_scales,
     fit_rate,
     gain_on_true_flow,
     have_common_gain,
     own_mean_share,
 )
+from fedora_qa.estimators.flow.motion_fit import Evidence
 
 TEMPLATES = 15
 

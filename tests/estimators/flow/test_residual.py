@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.flow.residual import TileResiduals, solved, sums_of_tiles, tile_residuals
-from fedora_qa.estimators.flow.tiles import TileGrid, patches_of, pixels_of
+from fedora_qa.estimators.flow.residual import (
+    TileGrid,
+    TileResiduals,
+    patches_of,
+    pixels_of,
+    solved,
+    sums_of_tiles,
+    tile_residuals,
+)
 from fedora_qa.estimators.flow.warp import read_at_pixels, read_between, smooth
 
 SIZE = 240

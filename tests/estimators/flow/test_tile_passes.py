@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.flow.tiles import (
+from fedora_qa.estimators.flow.residual import (
     known_patches,
     mean_derivatives,
     means_slopes_sines,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.flow.tiles import TileGrid, patches_of, pixels_of
+from fedora_qa.estimators.flow.residual import TileGrid, patches_of, pixels_of
 
 
 @pytest.mark.parametrize(("height", "width", "count"), [(540, 720, 16 * 22), (48, 48, 1), (47, 200, 0), (10, 10, 0)])

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from fedora_qa.estimators.flow.validity_kernels import compare_patterns, depth_range_m
+from fedora_qa.estimators.flow.mask import compare_patterns, depth_range_m
 
 SHAPE = (4, 9)
 NUMBERS = st.sampled_from([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-42, -2.5, 1.5, 40.0, 3e38])

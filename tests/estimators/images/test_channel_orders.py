@@ -8,8 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.images.channel_orders import LEVEL_BIAS, WRONG_ORDERS, nearest_order, towards, weights_in
-from fedora_qa.estimators.images.event_colours import ChannelWeightErrors, ColourEstimate, ColourFit
+from fedora_qa.estimators.images.event_colours import (
+    LEVEL_BIAS,
+    WRONG_ORDERS,
+    ChannelWeightErrors,
+    ColourEstimate,
+    ColourFit,
+    nearest_order,
+    towards,
+    weights_in,
+)
 
 NOISE = np.array([[4.0, 1.0, -2.0], [1.0, 3.0, 0.5], [-2.0, 0.5, 5.0]]) * 1e-4
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.images.code_curve import exponent_after_rounding
+from fedora_qa.estimators.images.gain import exponent_after_rounding
 
 
 def values(seed: int = 0, mean: float = 90.0, count: int = 200_000) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.images.digest import DIGEST_BYTES, digest_of
+from fedora_qa.estimators.images.values import DIGEST_BYTES, digest_of
 
 RNG = np.random.default_rng(0)
 IMAGE = RNG.integers(0, 256, (45, 67, 3)).astype(np.uint8)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.images.tracked_motion import RETURN_PX, tracked_motion_px
+from fedora_qa.estimators.images.samples import RETURN_PX, tracked_motion_px
 from tests.estimators.event_world import Checkers, Waves
 
 SHAPE = (100, 140)

@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from skimage.color import rgb2xyz
 
-from fedora_qa.estimators.images.transfer import TRANSFERS, to_code, to_linear
+from fedora_qa.estimators.images.luma import TRANSFERS, to_code, to_linear
 
 CODES = np.arange(256.0)
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.imu.conventions import explain_forces, explain_rates, signed_permutations
-from fedora_qa.estimators.imu.inertial_convention import InertialConvention
+from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates, signed_permutations
 from fedora_qa.estimators.imu.samples import InertialSamples
 from tests.support.motion_world import GRAVITY_M_S2, NOISY, RESTLESS, sample_motion
 

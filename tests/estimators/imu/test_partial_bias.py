@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.imu.partial_bias import PartialBias, partial_bias
 from fedora_qa.estimators.imu.preintegration import rotation_rows
 from fedora_qa.estimators.imu.specific_force import translation_rows
+from fedora_qa.estimators.imu.summary import PartialBias, partial_bias
 from tests.support.motion_world import EXACT, sample_motion
 
 BIAS = np.array([0.02, -0.05, 0.03])

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.imu.rounding import mean_rounding_bound
-from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples, rounding_bias
+from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples, mean_rounding_bound, rounding_bias
 from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, InertialComparison, fit_inertial
 from tests.support.motion_world import GRAVITY_M_S2, HOVER, RESTLESS, sample_motion
 

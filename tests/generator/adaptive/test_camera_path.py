@@ -12,7 +12,7 @@ from fedora_generator.errors import SceneError
 from fedora_generator.flight import Flight, FlightOptions, HarmonicTerm
 from fedora_generator.render import ExactWorld
 from fedora_generator.scene import load_scene
-from fedora_generator.surfaces.projection import project_faces
+from fedora_generator.surfaces.faces import project_faces
 from fedora_generator.surfaces.shading_kernels import View
 from fedora_qa.conventions import NS_PER_S
 

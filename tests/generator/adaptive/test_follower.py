@@ -9,10 +9,8 @@ import pytest
 from fedora_generator.adaptive import follower
 from fedora_generator.adaptive.follower import Follower
 from fedora_generator.camera import event_camera
-from fedora_generator.events.batch import EventBatch, decode
-from fedora_generator.events.keys import KeyLayout
-from fedora_generator.events.light import Pixels
-from fedora_generator.events.sensor import EventSensor
+from fedora_generator.events.keys import EventBatch, KeyLayout, decode
+from fedora_generator.events.sensor import EventSensor, Pixels
 from fedora_generator.flight import Flight, FlightOptions
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import FIDELITY, Fidelity

@@ -5,14 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fedora_generator.adaptive.camera_path import CameraPath, camera_paths
-from fedora_generator.adaptive.tile_plan import TilePlan, plan_tiles
+from fedora_generator.adaptive.camera_path import CameraPath, TilePlan, camera_paths, plan_tiles
 from fedora_generator.camera import Camera, event_camera
 from fedora_generator.flight import Flight, FlightOptions
 from fedora_generator.flow import flow_px
 from fedora_generator.render import ExactWorld
 from fedora_generator.scene import Scene, load_scene
-from fedora_generator.surfaces.projection import project_faces
+from fedora_generator.surfaces.faces import project_faces
 from fedora_generator.surfaces.render_kernels import TILE
 from fedora_qa.conventions import NS_PER_S
 

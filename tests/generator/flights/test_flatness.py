@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fedora_generator.errors import SceneError
-from fedora_generator.flight import BurstOptions, Flight, HoverOptions, LoopOptions
+from fedora_generator.flight import Flight
+from fedora_generator.flights.kinds import BurstOptions, HoverOptions, LoopOptions
 from fedora_generator.flights.quadrotor import attitude_of_thrust
 from fedora_generator.flights.route import Waypoint
 from fedora_generator.imu import Imu, ImuOptions

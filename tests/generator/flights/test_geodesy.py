@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_generator.flights.geodesy import ecef_from_geodetic, enu_from_geodetic
+from fedora_generator.flights.plan import ecef_from_geodetic, enu_from_geodetic
 
 A, F = mpmath.mpf(6378137), 1 / mpmath.mpf("298.257223563")
 LATITUDES_DEG = [-60.0, 0.0, 37.4, 80.0]

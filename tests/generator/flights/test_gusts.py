@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from fedora_generator.flight import Flight, HoverOptions, LoopOptions
+from fedora_generator.flight import Flight
 from fedora_generator.flights.gusts import (
     FOOT_M,
     Gusts,
@@ -18,6 +18,7 @@ from fedora_generator.flights.gusts import (
     mean_wind_m_s,
     variance_share,
 )
+from fedora_generator.flights.kinds import HoverOptions, LoopOptions
 from fedora_generator.flights.route import Waypoint
 from fedora_generator.scene import load_scene
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2

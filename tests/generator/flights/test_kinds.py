@@ -7,14 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_generator.errors import SceneError
-from fedora_generator.flight import (
-    BurstOptions,
-    Flight,
-    FlightOptions,
-    LoopOptions,
-    SurveyOptions,
-    WaypointsOptions,
-)
+from fedora_generator.flight import Flight, FlightOptions
+from fedora_generator.flights.kinds import BurstOptions, LoopOptions, SurveyOptions, WaypointsOptions
 from fedora_generator.flights.route import Waypoint
 from fedora_generator.scene import load_scene
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fedora_generator.errors import SceneError
-from fedora_generator.flight import Flight, WaypointsOptions
+from fedora_generator.flight import Flight
+from fedora_generator.flights.kinds import WaypointsOptions
 from fedora_generator.flights.plan import read_plan
 from fedora_generator.scene import load_scene
 

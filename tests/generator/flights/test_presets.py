@@ -7,7 +7,7 @@ import pytest
 
 from fedora_generator.camera import event_camera
 from fedora_generator.errors import SceneError
-from fedora_generator.flight import LoopOptions
+from fedora_generator.flights.kinds import LoopOptions
 from fedora_generator.flights.presets import PRESET_NAMES, preset_table
 from fedora_generator.scene import Scene, load_scene
 from fedora_generator.surroundings import surroundings_of

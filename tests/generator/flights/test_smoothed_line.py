@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from fedora_generator.flights.smoothed_line import SmoothedLine
+from fedora_generator.flights.route import SmoothedLine
 
 LINE = SmoothedLine(
     start=np.array([2.0]),

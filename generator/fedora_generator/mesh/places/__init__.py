@@ -17,11 +17,10 @@ import numpy as np
 
 from fedora_generator.mesh.model import MeshModel, TexturedMesh
 from fedora_generator.mesh.places.description import PlaceDescription
-from fedora_generator.mesh.places.group import Group
 from fedora_generator.mesh.places.materials import MATERIALS
 from fedora_generator.mesh.places.park import PARK
 from fedora_generator.mesh.places.racetrack import RACETRACK
-from fedora_generator.mesh.places.surface import Surface, joined
+from fedora_generator.mesh.places.surface import Group, Surface, joined
 
 PLACES: Final[Mapping[str, PlaceDescription]] = MappingProxyType({"park": PARK, "racetrack": RACETRACK})
 

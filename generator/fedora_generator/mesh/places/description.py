@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fedora_generator.mesh.places.group import Group, together
 from fedora_generator.mesh.places.materials import Material
+from fedora_generator.mesh.places.surface import Group, together
 
 Builder = Callable[[np.random.Generator], Group]
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fedora_generator.mesh.model import GROUND
-from fedora_generator.mesh.places.group import Group, painted, solid, together
 from fedora_generator.mesh.places.paint import Image, Rgb, Shape, colour, flakes, flat, fractal, speckled
 from fedora_generator.mesh.places.shapes import boulder, height_field, plate, turned
+from fedora_generator.mesh.places.surface import Group, painted, solid, together
 
 Floats32 = NDArray[np.float32]
 Span = tuple[float, float]

@@ -11,9 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from fedora_generator.mesh.places.group import Group, painted, solid, together
 from fedora_generator.mesh.places.shapes import boulder, gridded_box, leaves, roughened, standing_box, tube, turned
-from fedora_generator.mesh.places.surface import Floats, Surface, joined, unit
+from fedora_generator.mesh.places.surface import Floats, Group, Surface, joined, painted, solid, together, unit
 
 GOLDEN_ANGLE_RAD: Final = math.pi * (3 - math.sqrt(5))
 

@@ -1,1 +1,0 @@
-"""Causes of disagreements between flow, depth and the camera's motion."""
