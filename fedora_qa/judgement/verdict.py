@@ -1,7 +1,7 @@
 """The verdict of a file, and what it rests on, from the results of its checks; the default false-alarm rate.
 
 Two more places make a verdict ``incomplete``: ``engine/outcomes.py``, where nothing could be measured (no known
-layout, a lost worker), and ``cli/check_all.py``, where the file changed. ``gating/verdict.py`` judges a release. This
+layout, a lost worker), and ``cli/check.py``, where the file changed. ``gating/verdict.py`` judges a release. This
 file imports the record alone, because options load it without the code that judges.
 """
 

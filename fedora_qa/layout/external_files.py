@@ -1,8 +1,8 @@
 """Open the other files that a file links to or consists of: those in folders that the user allows, and no others.
 
-HDF5 searches a name in many places. Here it is searched in one place only: beside the file that holds it. ``links``
-follows links from file to file. HDF5 itself follows virtual datasets and external storage. So every source of these
-must exist, complete, at that place, where HDF5 finds it before it searches elsewhere.
+HDF5 searches a name in many places. Here it is searched in one place only: beside the file that holds it.
+``hdf5_objects`` follows links from file to file. HDF5 itself follows virtual datasets and external storage. So every
+source of these must exist, complete, at that place, where HDF5 finds it before it searches elsewhere.
 """
 
 import os

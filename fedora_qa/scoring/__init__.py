@@ -1,7 +1,6 @@
 """Score predictions against a sequence: flow, depth and its reciprocal, disparity, and pose.
 
-Read in this order: ``flow_errors``, ``depth_errors`` and ``trajectory_errors`` (the metrics, with their sources; arrays
-in, numbers out) with ``error_sums`` (sums that merge, over near and far pixels, beside edges, on moving objects);
-``predictions`` (what a learner wrote) and ``pairing`` (which rows of the sequence it is of); ``score`` (one sequence,
-field by field); ``types`` (the document) and ``tables``.
+Read in this order: ``metrics`` (with their sources, and sums of errors that merge; arrays in, numbers out);
+``predictions`` (what a learner wrote); ``score`` (one sequence, field by field); ``types`` (the document) and
+``tables``. ``fault_prices`` is what faults in training data cost.
 """

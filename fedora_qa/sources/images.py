@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fedora_qa.sources.source import SourceError
 
 LARGEST_PIXELS: Final = 1 << 25
-"""An image of 7680 x 4320 fits, as in HDF5 (``layout.bounds``)."""
+"""An image of 7680 x 4320 fits, as in HDF5 (``layout.decodable``)."""
 
 LARGEST_BYTES: Final = 512 << 20
 """Largest file of one image."""

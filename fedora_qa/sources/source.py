@@ -13,7 +13,7 @@ class SourceError(ValueError):
     Attributes
     ----------
     rule
-        Short name of the rule that was broken, as of ``layout.links.RefusedError``.
+        Short name of the rule that was broken, as of ``layout.hdf5_objects.RefusedError``.
     cause
         Identifier of ``causes.py``.
     """

@@ -17,7 +17,7 @@ Boxes that move are ``movers`` of an exact world; a scene may add them to the wo
     center_m = [7.0, -1.6, 0.5]
     size_m = [1.6, 0.9, 1.0]
     texture = "wood"
-    movement = { velocity_m_s = [0.3, 1.2, 0.0] }    # and sways, see surfaces/movement.py
+    movement = { velocity_m_s = [0.3, 1.2, 0.0] }    # and sways, see surfaces/world.py
 
 ``[flight]`` is a sum of steady rates and sines (``flight.py``), or, with a ``kind``, flown by a quadrotor
 (``flights/``).
@@ -29,13 +29,13 @@ Boxes that move are ``movers`` of an exact world; a scene may add them to the wo
     flow_hz = [20, 12.5]
     pose_hz = 250
 
-``[camera]`` may give all cameras a distorted lens (``lens.py``), with the exact renderer::
+``[camera]`` may give all cameras a distorted lens (``camera.py``), with the exact renderer::
 
     [camera]
     distortion_model = "radtan"      # or "equidistant"
     distortion = [-0.37, 0.16, 3e-4, -2e-4]
 
-``[mesh]`` sets its precision and antialiasing (``mesh/detail.py``); without it the quality of the request does.
+``[mesh]`` sets its precision and antialiasing (``mesh/model.py``); without it the quality of the request does.
 """
 
 import hashlib

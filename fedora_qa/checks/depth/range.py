@@ -99,9 +99,8 @@ class DepthRange(WindowCheck[WindowExtents]):
     those in a neighbourhood of it that is 63 times as wide: surfaces have one pixel on the end for 63 there. Steps are
     inferred from the values (``fedora_qa/estimators/storage/steps.py``). Where their size is unknown, or they are steps
     of 1/z, second differences along rows and columns are used: they vanish on planes, and are multiples of one number
-    where depths, or their inverses, were rounded (``fedora_qa/estimators/storage/steps.py``). Steps above a
-    thousandth of the depth are noted (16-bit millimetres at near range, half floats, disparities, a z-buffer of few
-    bits). Finer steps are stated among the inferred facts.
+    where depths, or their inverses, were rounded. Steps above a thousandth of the depth are noted (16-bit millimetres
+    at near range, half floats, disparities, a z-buffer of few bits). Finer steps are stated among the inferred facts.
 
     Noise model
     -----------

@@ -120,11 +120,11 @@ class EventResponseConservation(Check[ConservationState]):
 
     How
     ---
-    Log model: E = L - C+ P + C- M varies by less than C+ + C-, over any time (``excursions``). If the declared initial
+    Log model: E = L - C+ P + C- M varies by less than C+ + C-, over any time (``Excursions``). If the declared initial
     phase is zero (the first reference is the signal at the first frame), and at least nine tenths of the pixels that
     can contradict this agree with it, E also stays within C+ and C- of its start. In the first two seconds this detects
     a single lost event in most pixels. Linear model: the signal of a pixel without events varies by at most C+ + C-,
-    and P brighter events alone imply a rise of at least P (C+ + 1) - C+ - C- (``linear_runs``); with a declared start
+    and P brighter events alone imply a rise of at least P (C+ + 1) - C+ - C- (``EventFreeRuns``); with a declared start
     its first run stays within C+ and C-. Frames bound L at their times, and two seconds are compared at a time. In the
     first windows that violate the law, and in some later ones, the inverses of suspected faults are applied: polarity,
     mirrored or exchanged axes, shifts, delays. The inverse that resolves most pixels, less the pixels that it makes
@@ -154,7 +154,8 @@ class EventResponseConservation(Check[ConservationState]):
     Sources
     -------
     First principles: the sensor's definition (P. Lichtsteiner, C. Posch, T. Delbruck, IEEE J. Solid-State Circuits 43
-    (2008), section II) as inequalities; derivations in ``excursions``, ``linear_runs`` and ``footprint``.
+    (2008), section II) as inequalities; derivations in
+    ``fedora_qa/estimators/events/conservation.py`` and ``footprint.py``.
     """
 
     name = "event_response.conservation"

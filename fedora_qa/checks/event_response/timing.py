@@ -143,7 +143,7 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
     The standard error is the largest of the formal one and those by leaving out cells, windows, tiles, and rows and
     columns of tiles (delete-one jackknife): neighbouring samples, and samples along a straight edge, share errors of
     the frames. If few groups scatter more than their cells imply, the error by groups is used, widened by Student's
-    distribution (``group_scatter``). The error of a region of few windows is widened likewise, and that of a delay from
+    distribution (``shared_errors``). The error of a region of few windows is widened likewise, and that of a delay from
     few cells. The scatter of windows is estimated from all of them together. The expected delay is half a tick of the
     timestamps (a timestamp is the first tick not before the crossing) plus the delay of a declared low-pass. The model
     error bound is the change by four frames in place of six, plus 0.7 of the change by uniform footprints (derivation

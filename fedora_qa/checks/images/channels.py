@@ -50,9 +50,8 @@ class ImagesChannels(ColourCheck):
     frame times at which the pixel's own events determine its level. It is regressed on the changes of the three
     channels, with the time offset as a nuisance parameter (``fedora_qa/estimators/images/event_colours.py``). The
     coefficients over their sum are the weights. The line that separates a wrong order from the correct one with the
-    smallest error is Fisher's discriminant, with the covariance of the weights
-    (``fedora_qa/estimators/images/event_colours.py``). It uses all three weights, which halves the error of a
-    difference of two. The nearest order is named.
+    smallest error is Fisher's discriminant, with the covariance of the weights. It uses all three weights, which halves
+    the error of a difference of two. The nearest order is named.
 
     Noise model
     -----------

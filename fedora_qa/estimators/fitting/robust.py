@@ -65,7 +65,7 @@ def jackknife_errors(left_out: ArrayLike) -> Float64:
 
 DETECTION_SIGMAS: Final = 7.0
 """Detection limit in standard errors: 5.3 of the limit that a thousand comparisons of a file share at a false-alarm
-rate of 1e-4, Phi^-1(1 - 5e-8), and 1.6 of a power of 95% (``judgement/tolerances.py``)."""
+rate of 1e-4, Phi^-1(1 - 5e-8), and 1.6 of a power of 95% (``judgement/judge.py``)."""
 
 SensitivityRange = tuple[tuple[float, float], tuple[float, float]]
 """Standard error and model error bound where and when the detection limit is lowest, and where it is highest."""
@@ -91,7 +91,7 @@ def sensitivity_range(standard_errors: ArrayLike, model_error_bounds: ArrayLike)
     if not finite.any():
         return None
     errors, bounds = errors[finite], bounds[finite]
-    # least = 2 bound + (z + z_power) s (judgement/tolerances.py)
+    # least = 2 bound + (z + z_power) s (judgement/judge.py)
     limits = 2 * bounds + DETECTION_SIGMAS * errors
     lowest, highest = int(np.argmin(limits)), int(np.argmax(limits))
     return (float(errors[lowest]), float(bounds[lowest])), (float(errors[highest]), float(bounds[highest]))

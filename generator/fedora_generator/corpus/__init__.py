@@ -1,7 +1,7 @@
 """A corpus: clean sequences, faulty copies of known size, and a manifest that lists them.
 
-Read ``plan`` (which files a corpus holds), with ``ladders`` and ``spread`` (the sizes of faults); then ``build`` (how
-they are made) and ``manifest`` (how they are listed). ``cli`` is the command.
+Read ``plan`` (which files a corpus holds), with ``ladders`` (the sizes of faults); then ``build`` (how they are made)
+and ``manifest`` (how they are listed). ``cli`` is the command.
 """
 
 from fedora_generator.corpus.build import build_corpus

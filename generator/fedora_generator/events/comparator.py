@@ -1,10 +1,7 @@
 """The comparator of the event camera, with the compiled search for pixels that may have fired.
 
-A pixel is *quiet* while its signal lies between its two thresholds. ``events/quiet_kernels`` lists the few pixels that
-may not be; the compiled loops here compare those exactly. In them thresholds and ``near`` are (height, width), or
-(1, width) where all rows share them; ``middle`` and ``near`` are as in ``events/quiet_kernels``.
-
-Compiled loops that find the few pixels which may have left their thresholds.
+A pixel is *quiet* while its signal lies between its two thresholds. Compiled loops list the few pixels that may not be,
+and others compare those exactly. Thresholds and ``near`` are (height, width), or (1, width) where all rows share them.
 
 Most pixels are quiet most of the time, and their comparison costs memory reads. So the middle of each pixel's quiet
 interval, ``(reference - off, reference + on)``, is stored in float32 beside the reference, and a signal near enough

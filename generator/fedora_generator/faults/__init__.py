@@ -1,9 +1,9 @@
 """Faults planted in a copy of a file: each small, exact, and of one stream.
 
 Read ``fault`` (what to plant), then ``table`` (which causes a stream can have, and the function that plants each) and
-``plant`` (from a clean file to a faulty copy). Faults of one stream are in the file of its name; those of several in
-``clocks``, ``samples``, ``images`` and ``storage``. ``rows`` edits datasets block by block, ``trajectory`` interpolates
-the poses of a file, ``region`` confines a fault to a part of the image.
+``plant`` (from a clean file to a faulty copy, also in a part of the image). Faults of one stream are in the file of its
+name; those of several in ``samples``, ``images`` and ``storage``; others in ``index_maps`` and ``metadata``. ``rows``
+edits datasets block by block. ``cli`` is the command.
 """
 
 from fedora_generator.faults.fault import Fault, FaultError, Region

@@ -2,10 +2,10 @@
 
 Read in this order:
 
-* ``kinds``, ``burst``: the options of each kind of flight; each builds a route.
-* ``route``, ``smoothed_line``: waypoints become corners in time, and these a path with derivatives in closed form.
+* ``kinds``: the options of each kind of flight; each builds a route.
+* ``route``: waypoints become corners in time, and these a path with derivatives in closed form.
 * ``gusts``: the wind, and how far it pushes the quadrotor off its path.
 * ``quadrotor``: the attitude that follows from the path, and the state at each instant.
-* ``choice``: which kind a scene's table describes. It first resolves missions of QGroundControl (``plan``,
-  ``geodesy``) and the flights of the package (``presets``).
+* ``choice``: which kind a scene's table describes. It first resolves missions of QGroundControl (``plan``) and the
+  flights of the package (``presets``).
 """

@@ -10,7 +10,7 @@
     spacing_m = 8.0
     speed_m_s = 4.0
 
-``"burst"`` lies in ``burst.py``. Each kind may have ``drag_per_s = 0.3`` and a ``[flight.wind]`` (``gusts.py``).
+Each kind may have ``drag_per_s = 0.3`` and a ``[flight.wind]`` (``gusts.py``).
 
 Bursts of rotation on the spot, each to the same angular speed.
 

@@ -2,10 +2,9 @@
 
 Read ``README.md`` first, then
 
-* ``world``, ``movement``, ``textures``, ``light``: the world as options that are read from TOML.
-* ``faces``: the same as arrays of faces.
-* ``projection``, ``projection_kernels``: lines of the image for each face and camera pose.
+* ``world``, ``textures``, ``light``: the world as options that are read from TOML.
+* ``faces``: the same as arrays of faces, and lines of the image for each face and camera pose.
 * ``visibility_kernels``, ``pixel_kernels``: which faces a tile or a pixel shows, and how a pixel is cut between them.
-* ``texture_kernels``, ``lamp_kernels``, ``shading_kernels``: the radiance of a face over a footprint.
+* ``texture_kernels``, ``shading_kernels``: the radiance of a face over a footprint.
 * ``render_kernels``: the loops over tiles and pixels.
 """

@@ -2,7 +2,7 @@
 
 The loops over tiles and pixels of a distorted camera.
 
-Each pixel is rendered as that of a pinhole whose image is the affine map of ``lens.pixel_maps``: its footprint is the
+Each pixel is rendered as that of a pinhole whose image is the affine map of ``camera.pixel_maps``: its footprint is the
 parallelogram that the distortion makes of its square, to first order, and its centre is exact.
 """
 
@@ -343,7 +343,7 @@ def render_radiance_through_lens(
     textures, surfaces
         Textures and light of the faces.
     maps
-        (height, width, 3, 3) of ``lens.pixel_maps``.
+        (height, width, 3, 3) of ``camera.pixel_maps``.
     radiance_dn
         (height, width, channels) is filled with DN averaged over each pixel.
     first_tile, stop_tile

@@ -1,6 +1,6 @@
 """Projection of a face as lines of the image, and which faces a square of the image can show.
 
-``lines`` is (faces, 7, 3) as ``projection.project_faces`` makes it. A square of half side h around (x, y) is a tile,
+``lines`` is (faces, 7, 3) as ``faces.project_faces`` makes it. A square of half side h around (x, y) is a tile,
 a pixel (h = 1/2) or a point (h = 0): a linear function varies on it by h (|l_x| + |l_y|) around its centre value.
 """
 

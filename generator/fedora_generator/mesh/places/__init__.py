@@ -2,10 +2,11 @@
 
 Read in this order:
 
-* ``park``, ``racetrack``: what stands where, with its sizes and materials. ``description`` is what they are written in.
-* ``buildings``, ``race_buildings``, ``furniture``, ``race_furniture``, ``trees``, ``ground``: the builders of objects.
-* ``group``, ``surface``, ``shapes``: surfaces in metres, and how they are combined and placed.
-* ``materials``, ``paint``: pictures of the materials; ``park_map``, ``track_map``: the ground around the flight.
+* ``park``, ``racetrack``: what stands where, with its sizes and materials, and the ground around the flight.
+  ``description`` is what they are written in.
+* ``buildings``, ``furniture``, ``trees``, ``ground``: the builders of objects.
+* ``surface``, ``shapes``: surfaces in metres, and how they are combined and placed.
+* ``materials``, ``paint``: pictures of the materials.
 """
 
 import zlib
