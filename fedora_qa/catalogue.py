@@ -81,7 +81,7 @@ All other checks depend on those of integrity, metadata and clocks, which are th
 
 
 @cache
-def check_of(name: str) -> "Check[Any]":
+def _check_of(name: str) -> "Check[Any]":
     """Return a check: ``event_stream.gaps`` is an ``EventStreamGaps`` of ``checks/event_stream/gaps.py``."""
     class_name = "".join(word.capitalize() for word in name.replace(".", "_").split("_"))
     check: Check[Any] = getattr(import_module(module_of(name)), class_name)()
@@ -90,7 +90,7 @@ def check_of(name: str) -> "Check[Any]":
 
 def all_checks() -> "tuple[Check[Any], ...]":
     """Return every check, in the order in which they run."""
-    return tuple(map(check_of, CATALOGUE))
+    return tuple(map(_check_of, CATALOGUE))
 
 
 def select_checks(select: tuple[str, ...], ignore: tuple[str, ...]) -> "tuple[Check[Any], ...]":
@@ -101,7 +101,7 @@ def select_checks(select: tuple[str, ...], ignore: tuple[str, ...]) -> "tuple[Ch
     MisuseError
         A name is that of no subject and no check.
     """
-    return tuple(check_of(explained.check) for explained in selected_explanations(select, ignore))
+    return tuple(_check_of(explained.check) for explained in selected_explanations(select, ignore))
 
 
 def canary_of(check: str) -> "PlantCanary | None":

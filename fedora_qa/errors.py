@@ -26,6 +26,11 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
     return f"; did you mean {nearest[0]!r}?" if nearest else ""
 
 
+def first_line(error: BaseException) -> str:
+    """Return the first line of the text of an error, or its type where it has no text."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
 class FedoraError(Exception):
     """Base of every error with a message meant for people."""
 

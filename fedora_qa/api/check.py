@@ -5,7 +5,7 @@ escaped.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 from numpy.typing import NDArray
 
-from fedora_qa.api.options import AnyPath, folder_texts, path_text, settings_of
+from fedora_qa.api.options import AnyPath, copied_as, folder_texts, path_text, settings_of
 from fedora_qa.cli.arrays import arrays_beside, read_arrays, write_arrays
 from fedora_qa.cli.check import Request, check_all, executor_for
-from fedora_qa.cli.outputs import render_html_or_none
+from fedora_qa.cli.outputs import page_or_none
 from fedora_qa.cli.record import evidence_arrays, record_of
 from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.cli.settings import check_options
@@ -33,7 +33,6 @@ from fedora_qa.record.wording import cause_sentence, findings_of, headline, plac
 
 if TYPE_CHECKING:
     import pandas as pd
-
 
 # Types that allow missing values: NumPy's int64 has none, pandas' Int64 does.
 _TYPES: Final[Mapping[Kind, str]] = {
@@ -102,49 +101,8 @@ class CheckedRecord(Record):
 
     def _repr_html_(self) -> str:
         """Return the HTML for a notebook: the report where its package is installed, else verdicts and findings."""
-        page = render_html_or_none(self, self.arrays)
+        page = page_or_none(self, self.arrays)
         return light_page(self) if page is None else isolated_frame(page)
-
-
-def with_arrays(record: Record, arrays: Mapping[str, NDArray[Any]]) -> CheckedRecord:
-    """Return a record with the arrays that lie beside it."""
-    return CheckedRecord(**{each.name: getattr(record, each.name) for each in fields(record)}, arrays=dict(arrays))
-
-
-def frame_of(table: Table) -> "pd.DataFrame":
-    """Return a table as a data frame; the types of its columns do not depend on what they hold.
-
-    Raises
-    ------
-    MisuseError
-        pandas is not installed.
-    """
-    try:
-        import pandas as pd  # noqa: PLC0415 - an extra
-    except ImportError as missing:
-        raise MisuseError(
-            f"Expected what makes data frames, got: {missing}; install it with pip install 'fedora-qa[notebook]'"
-        ) from None
-    columns = {
-        # An explicit type: inferred ones would differ between records, and for columns without values.
-        column.name: pd.Series([row[position] for row in table.rows], dtype=_TYPES[column.kind])
-        for position, column in enumerate(table.columns)
-    }
-    return pd.DataFrame(columns)
-
-
-def light_page(record: Record) -> str:
-    """Return the verdict of each file, its probable causes, and its findings as a table."""
-    parts = []
-    for file in record.files:
-        parts.append(f"<h4>{html_text(file.path)}</h4><p><b>{html_text(headline(file))}</b></p>")
-        if file.diagnoses:
-            causes = (f"<li>{html_text(f'{cause_sentence(cause)}. {cause.remedy}')}</li>" for cause in file.diagnoses)
-            parts.append(f"<ul>{''.join(causes)}</ul>")
-        finding_rows = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in findings_of(file)]
-        if finding_rows:
-            parts.append(html_table(("id", "severity", "rule", "finding", "where"), finding_rows))
-    return "".join(parts)
 
 
 def check(
@@ -261,3 +219,44 @@ def read_record(path: AnyPath) -> CheckedRecord:
     """
     record, beside = read_plain(Path(path)), arrays_beside(Path(path))
     return with_arrays(record, read_arrays(beside) if beside.is_file() else {})
+
+
+def with_arrays(record: Record, arrays: Mapping[str, NDArray[Any]]) -> CheckedRecord:
+    """Return a record with the arrays that lie beside it."""
+    return copied_as(CheckedRecord, record, arrays=dict(arrays))
+
+
+def frame_of(table: Table) -> "pd.DataFrame":
+    """Return a table as a data frame; the types of its columns do not depend on what they hold.
+
+    Raises
+    ------
+    MisuseError
+        pandas is not installed.
+    """
+    try:
+        import pandas as pd  # noqa: PLC0415 - an extra
+    except ImportError as missing:
+        raise MisuseError(
+            f"Expected what makes data frames, got: {missing}; install it with pip install 'fedora-qa[notebook]'"
+        ) from None
+    columns = {
+        # An explicit type: inferred ones would differ between records, and for columns without values.
+        column.name: pd.Series([row[position] for row in table.rows], dtype=_TYPES[column.kind])
+        for position, column in enumerate(table.columns)
+    }
+    return pd.DataFrame(columns)
+
+
+def light_page(record: Record) -> str:
+    """Return the verdict of each file, its probable causes, and its findings as a table."""
+    parts = []
+    for file in record.files:
+        parts.append(f"<h4>{html_text(file.path)}</h4><p><b>{html_text(headline(file))}</b></p>")
+        if file.diagnoses:
+            causes = (f"<li>{html_text(f'{cause_sentence(cause)}. {cause.remedy}')}</li>" for cause in file.diagnoses)
+            parts.append(f"<ul>{''.join(causes)}</ul>")
+        finding_rows = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in findings_of(file)]
+        if finding_rows:
+            parts.append(html_table(("id", "severity", "rule", "finding", "where"), finding_rows))
+    return "".join(parts)

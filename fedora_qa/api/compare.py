@@ -1,14 +1,14 @@
 """Compare sequences, datasets, or versions of a release from Python."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
-from fedora_qa.api.options import AnyPath, folder_texts, path_text, require_choice
-from fedora_qa.cli.commands import DEFAULT_FALSE_ALARM_RATE
+from fedora_qa.api.options import AnyPath, copied_as, folder_texts, path_text, require_choice
+from fedora_qa.cli.commands import COMPARISON_FALSE_ALARM_RATE
 from fedora_qa.cli.compare import read_sources, sources_of
-from fedora_qa.cli.outputs import render_comparison_or_none
+from fedora_qa.cli.outputs import page_or_none
 from fedora_qa.cli.stats import reading_of
 from fedora_qa.comparison.compare import compare as compare_subjects
 from fedora_qa.comparison.paper_tables import paper_tables
@@ -45,7 +45,7 @@ class ComparedSubjects(Comparison):
 
     def _repr_html_(self) -> str:
         """Return the HTML for a notebook: the report where its package is installed, else the tables."""
-        page = render_comparison_or_none(self)
+        page = page_or_none(self, {})
         return self.light_page() if page is None else isolated_frame(page)
 
     def light_page(self) -> str:
@@ -61,7 +61,7 @@ class ComparedSubjects(Comparison):
 def compare(
     *paths: AnyPath,
     design: Design | None = None,
-    false_alarm_rate: float = DEFAULT_FALSE_ALARM_RATE,
+    false_alarm_rate: float = COMPARISON_FALSE_ALARM_RATE,
     dialect: AnyPath | None = None,
     metadata: AnyPath | None = None,
     memory: str = "1GB",
@@ -105,4 +105,4 @@ def compare(
     reading = reading_of(path_text(dialect), path_text(metadata), memory, external, in_process=not apart)
     sources = sources_of([Path(path) for path in paths], split_choice(reading.dialect)[0])
     comparison = compare_subjects(read_sources(sources, reading), design, false_alarm_rate)
-    return ComparedSubjects(**{field.name: getattr(comparison, field.name) for field in fields(comparison)})
+    return copied_as(ComparedSubjects, comparison)

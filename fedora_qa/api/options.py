@@ -1,13 +1,20 @@
-"""Options as Python gives them: paths as text or paths, and None for what is not given."""
+"""What the functions share: options as Python gives them, where None is not given; results as their own types."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from os import PathLike, fspath
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from fedora_qa.config import CheckConfig, read_config, with_options
 from fedora_qa.errors import MisuseError, did_you_mean
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 AnyPath = str | PathLike[str]
+
+Kind = TypeVar("Kind")
 
 
 def settings_of(config: AnyPath | None, options: Mapping[str, object]) -> CheckConfig:
@@ -44,3 +51,8 @@ def folder_texts(folders: Sequence[AnyPath] | None) -> tuple[str, ...] | None:
     if isinstance(folders, str | PathLike):
         raise MisuseError(f"Expected folders in a list, got {folders!r}; pass [{fspath(folders)!r}]")
     return None if folders is None else tuple(fspath(folder) for folder in folders)
+
+
+def copied_as(kind: type[Kind], value: "DataclassInstance", **others: Any) -> Kind:
+    """Return the fields of a value, and others, as a subclass of its type."""
+    return kind(**{field.name: getattr(value, field.name) for field in fields(value)}, **others)

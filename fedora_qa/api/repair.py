@@ -1,10 +1,10 @@
 """Repair a file from Python."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
-from fedora_qa.api.options import AnyPath, folder_texts, path_text, settings_of
+from fedora_qa.api.options import AnyPath, copied_as, folder_texts, path_text, settings_of
 from fedora_qa.cli.repair import repair_lines, require_writable
 from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import check_options
@@ -108,4 +108,4 @@ def repair(
     require_hdf5([file])
     target = None if dry_run else output
     result = repair_file(file, target, engine_options, quiet, only=tuple(only))
-    return RepairedFile(**{field.name: getattr(result, field.name) for field in fields(result)}, output=target)
+    return copied_as(RepairedFile, result, output=target)

@@ -1,12 +1,12 @@
 """Score predictions against a sequence from Python."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
-from fedora_qa.api.options import AnyPath, folder_texts, path_text, require_choice
-from fedora_qa.cli.outputs import render_score_or_none
+from fedora_qa.api.options import AnyPath, copied_as, folder_texts, path_text, require_choice
+from fedora_qa.cli.outputs import page_or_none
 from fedora_qa.cli.score import require_readable, scored_isolated
 from fedora_qa.cli.settings import external_folders
 from fedora_qa.layout.dialect import load_choice
@@ -36,7 +36,7 @@ class ScoredPredictions(Score):
 
     def _repr_html_(self) -> str:
         """Return the HTML for a notebook: the page where its package is installed, else the tables."""
-        page = render_score_or_none(self)
+        page = page_or_none(self, {})
         return self.light_page() if page is None else isolated_frame(page)
 
     def light_page(self) -> str:
@@ -95,4 +95,4 @@ def score(
     folders = external_folders(folder_texts(allow_external) or ())
     require_readable(*paths)
     result = scored_isolated(*paths, form, choice, folders, in_process=not apart)
-    return ScoredPredictions(**{field.name: getattr(result, field.name) for field in fields(result)})
+    return copied_as(ScoredPredictions, result)

@@ -27,14 +27,26 @@ from fedora_qa.cli.options import (
 )
 from fedora_qa.cli.startup import loading_modules
 
+_EFFORTS: Final = click.Choice(["quick", "standard", "full", "exhaustive"])
+
+_PROFILES: Final = click.Choice(["release", "training", "strict"])
+
+_dask_option: Final = click.option(
+    "--dask", metavar="ADDRESS", help="Do the work on a Dask cluster, such as tcp://host:8786."
+)
+
+_force_option: Final = click.option("--force", is_flag=True, help="Write over OUT where it exists.")
+
+COMPARISON_FALSE_ALARM_RATE: Final = 0.01
+"""Of a whole comparison: one in a hundred reports a difference where there is none."""
+
+LONGEST_PIECE_S: Final = 20.0
+"""Default length of the longest piece that ``extract`` tries, s: its file is still small enough to be sent."""
+
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=PlaceParam())
-@click.option(
-    "--effort",
-    type=click.Choice(["quick", "standard", "full", "exhaustive"]),
-    help="How much to look at; full unless configured otherwise.",
-)
+@click.option("--effort", type=_EFFORTS, help="How much to look at; full unless configured otherwise.")
 @click.option(
     "--budget",
     type=BudgetParam(),
@@ -48,7 +60,7 @@ from fedora_qa.cli.startup import loading_modules
 @metadata_option
 @click.option(
     "--profile",
-    type=click.Choice(["release", "training", "strict"]),
+    type=_PROFILES,
     help="From which size a deviation matters: to publish the data (default), to train on them, or any size.",
 )
 @click.option("--fail-on", type=click.Choice(["failed", "warned"]), help="From which outcome on to exit with 1.")
@@ -62,7 +74,7 @@ from fedora_qa.cli.startup import loading_modules
     type=click.IntRange(min=1),
     help="Files, and windows of a file, checked at once; they share the memory.  [default: as many as cores]",
 )
-@click.option("--dask", metavar="ADDRESS", help="Do the work on a Dask cluster, such as tcp://host:8786.")
+@_dask_option
 @click.option(
     "--resume",
     type=PATH,
@@ -91,7 +103,7 @@ def check(**arguments: Any) -> int:
 
 @click.command()
 @click.argument("corpora", nargs=-1, required=True, type=PATH, metavar="CORPUS...")
-@click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="How much to look at.")
+@click.option("--effort", type=_EFFORTS, help="How much to look at.")
 @select_option
 @ignore_option
 @config_option
@@ -127,7 +139,7 @@ def power(**arguments: Any) -> int:
     type=click.IntRange(min=1),
     help="Files, and windows of a file, checked at once.  [default: as many as cores]",
 )
-@click.option("--dask", metavar="ADDRESS", help="Do the work on a Dask cluster, such as tcp://host:8786.")
+@_dask_option
 @click.option("--certificate", type=PATH, metavar="OUT", help="Certify what was checked, where the release is clean.")
 @allow_external_option
 @detail_options
@@ -173,10 +185,6 @@ def stats(**arguments: Any) -> int:
     return run_stats(**arguments)
 
 
-DEFAULT_FALSE_ALARM_RATE: Final = 0.01
-"""Of a whole comparison: one in a hundred reports a difference where there is none."""
-
-
 @click.command()
 @click.argument("paths", nargs=-1, required=True, type=PATH, metavar="A B...")
 @click.option(
@@ -188,7 +196,7 @@ DEFAULT_FALSE_ALARM_RATE: Final = 0.01
 @click.option(
     "--false-alarm-rate",
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
-    default=DEFAULT_FALSE_ALARM_RATE,
+    default=COMPARISON_FALSE_ALARM_RATE,
     show_default=True,
     help="Probability that the comparison reports any difference where there is none.",
 )
@@ -236,10 +244,6 @@ def score(**arguments: Any) -> int:
     return run_score(**arguments)
 
 
-LONGEST_S: Final = 20.0
-"""Default length of the longest piece that is tried, s: its file is still small enough to be sent."""
-
-
 @click.command()
 @click.argument("file", type=PATH)
 @click.argument("finding")
@@ -251,16 +255,16 @@ LONGEST_S: Final = 20.0
     "--longest",
     "longest_s",
     type=click.FloatRange(min=0, min_open=True),
-    default=LONGEST_S,
+    default=LONGEST_PIECE_S,
     show_default=True,
     metavar="SECONDS",
     help="The longest piece to try.",
 )
-@click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="As `check` had it.")
+@click.option("--effort", type=_EFFORTS, help="As `check` had it.")
 @click.option("--config", type=PATH, help="As `check` had it.")
 @click.option("--dialect", metavar="NAME|FILE.toml", shell_complete=complete_dialect, help="As `check` had it.")
 @allow_external_option
-@click.option("--force", is_flag=True, help="Write over OUT where it exists.")
+@_force_option
 def extract(**arguments: Any) -> int:
     """Write the part of FILE around the place of FINDING, such as F1, and check that it still shows the finding.
 
@@ -283,15 +287,15 @@ def extract(**arguments: Any) -> int:
     metavar="D1,D2",
     help="Repair these diagnoses, which may be only supported. May be repeated.",
 )
-@click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="As `check` has it.")
+@click.option("--effort", type=_EFFORTS, help="As `check` has it.")
 @select_option
 @ignore_option
 @config_option
 @dialect_option
 @metadata_option
-@click.option("--profile", type=click.Choice(["release", "training", "strict"]), help="As `check` has it.")
+@click.option("--profile", type=_PROFILES, help="As `check` has it.")
 @click.option("--memory", metavar="AMOUNT", help="Memory to aim at, such as 1GB.")
-@click.option("--force", is_flag=True, help="Write over OUT where it exists.")
+@_force_option
 def repair(**arguments: Any) -> int:
     """Check FILE, undo what is confirmed and mechanical in a copy, check the copy, and keep it if it is better.
 

@@ -72,6 +72,9 @@ _ATTRIBUTES_INTRODUCTION: Final = """
 Each dataset also carries its unit as the attribute `units`.
 """
 
+_DOCUMENTS: tuple[DocumentKind[Any], ...] = (RECORD, COMPARISON, SCORE, POWER, CERTIFICATE)
+_READERS: Mapping[str, TypeAdapter[Any]] = {"config": CONFIG_READER, "policy": POLICY_READER}
+
 
 def explanations() -> tuple[Explanation, ...]:
     """Return the explanation of every check, with its material sizes as the last section."""
@@ -212,10 +215,6 @@ def _attribute_row(spec: AttributeSpec) -> str:
     need = "required" if spec.required else "may be left out"
     values = f": {code_list(spec.choices)}" if spec.choices else ""
     return f"| `{spec.name}` | {spec.kind} | {spec.units} | {need} | {spec.meaning}{values} |\n"
-
-
-_DOCUMENTS: tuple[DocumentKind[Any], ...] = (RECORD, COMPARISON, SCORE, POWER, CERTIFICATE)
-_READERS: Mapping[str, TypeAdapter[Any]] = {"config": CONFIG_READER, "policy": POLICY_READER}
 
 
 def schemas() -> dict[str, dict[str, Any]]:

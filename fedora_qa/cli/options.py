@@ -91,7 +91,7 @@ def parse_budget(text: str) -> Budget:
     return Budget(text.strip(), seconds)
 
 
-def complete_check(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+def _complete_check(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     """Return the subjects and checks that begin with ``incomplete``."""
     return [name for name in check_names() if name.startswith(incomplete)]
 
@@ -99,10 +99,10 @@ def complete_check(_context: click.Context, _parameter: click.Parameter, incompl
 def complete_explained(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
     """Return the subjects, checks and causes that begin with ``incomplete``."""
     causes = [cause for cause in CAUSES if cause.startswith(incomplete)]
-    return [*complete_check(context, parameter, incomplete), *causes]
+    return [*_complete_check(context, parameter, incomplete), *causes]
 
 
-def complete_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+def _complete_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Leave it to the shell to complete a path."""
     return [CompletionItem(incomplete, type="file")]
 
@@ -113,7 +113,7 @@ def complete_dialect(context: click.Context, parameter: click.Parameter, incompl
     files = (resources.files("fedora_qa") / "layout" / "dialects").iterdir()
     names = sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
     items = [CompletionItem(name) for name in names if name.startswith(incomplete)]
-    return [*items, *complete_file(context, parameter, incomplete)]
+    return [*items, *_complete_file(context, parameter, incomplete)]
 
 
 PATH: Final = click.Path(path_type=Path)
@@ -123,7 +123,7 @@ select_option: Final = click.option(
     "--select",
     multiple=True,
     metavar="SUBJECT[.PROPERTY]",
-    shell_complete=complete_check,
+    shell_complete=_complete_check,
     help="Run only these checks. May be repeated.",
 )
 
@@ -131,7 +131,7 @@ ignore_option: Final = click.option(
     "--ignore",
     multiple=True,
     metavar="SUBJECT[.PROPERTY]",
-    shell_complete=complete_check,
+    shell_complete=_complete_check,
     help="Leave these checks out. May be repeated.",
 )
 
@@ -149,7 +149,7 @@ dialect_option: Final = click.option(
 metadata_option: Final = click.option(
     "--metadata",
     metavar="FILE.toml",
-    shell_complete=complete_file,
+    shell_complete=_complete_file,
     help="Declarations that the files lack, in a table [metadata]: cameras, thresholds, noise. They take precedence.",
 )
 
@@ -164,7 +164,7 @@ allow_external_option: Final = click.option(
     help="Read other files that a file links to or is made of, if they lie in DIR; none otherwise. May be repeated.",
 )
 
-_OPTIONS: Final = (
+_OUTPUT_OPTIONS: Final = (
     click.option("--html", type=PATH, metavar="OUT", help="Write a report with pictures, in one HTML file."),
     click.option("--markdown", type=PATH, metavar="OUT", help="Write a summary for a pull request."),
     click.option("--junit", type=PATH, metavar="OUT", help="Write JUnit XML, for the test pages of CI systems."),
@@ -248,7 +248,9 @@ def output_options(command: Callable[..., int]) -> Callable[..., int]:
         outputs = Outputs(**paths, csv=csv, parquet=parquet, github=github or alone, summary=not alone)
         return command(outputs=outputs, **others)
 
-    return _with_options(with_outputs, (*_OPTIONS, _format_option("json", "markdown", "junit", "sarif", "github")))
+    return _with_options(
+        with_outputs, (*_OUTPUT_OPTIONS, _format_option("json", "markdown", "junit", "sarif", "github"))
+    )
 
 
 def record_options(command: Callable[..., int]) -> Callable[..., int]:

@@ -33,152 +33,10 @@ from fedora_qa.record.tables import CSV_NAMES, TABLE_NAMES, Kind, Table, record_
 from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.scoring.types import Score
 
-
-def require_renderer() -> None:
-    """Raise ``MisuseError`` where ``fedora_reports`` is not installed."""
-    try:
-        from fedora_reports import html  # noqa: F401, PLC0415 - an extra
-    except ImportError as missing:
-        raise MisuseError(
-            f"Expected what draws reports, got: {missing}; install it with pip install 'fedora-qa[reports]'"
-        ) from None
-
-
-def render_html_or_none(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str | None:
-    """Draw the report from a record and its arrays; None where ``fedora_reports`` is not installed."""
-    try:
-        from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
-    except ImportError:
-        return None
-    return render_html(record, arrays)
-
-
-def render_comparison_or_none(comparison: Comparison) -> str | None:
-    """Draw the report of a comparison; None where ``fedora_reports`` is not installed."""
-    try:
-        from fedora_reports.comparison import render_comparison  # noqa: PLC0415 - an extra
-    except ImportError:
-        return None
-    return render_comparison(comparison)
-
-
-def render_score_or_none(score: Score) -> str | None:
-    """Draw the page of a score; None where ``fedora_reports`` is not installed."""
-    try:
-        from fedora_reports.score import render_score  # noqa: PLC0415 - an extra
-    except ImportError:
-        return None
-    return render_score(score)
-
-
-def render_record(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Draw the report from a record and its arrays, with the detection power that was measured."""
-    from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
-
-    return render_html(record, arrays, pass_detection_power(), fault_price_texts())
-
-
 PARQUET_NAMES: Final = tuple(f"{name}.parquet" for name in TABLE_NAMES)
 """The files that hold the tables."""
 
-
-def require_parquet() -> None:
-    """Raise ``MisuseError`` where pyarrow, which writes Parquet, is not installed."""
-    try:
-        import pyarrow.parquet  # noqa: F401, PLC0415 - an extra
-    except ImportError as missing:
-        raise MisuseError(
-            f"Expected what writes Parquet, got: {missing}; install it with pip install 'fedora-qa[parquet]'"
-        ) from None
-
-
-def write_parquet(folder: Path, record: Record) -> None:
-    """Write each table of a record into a folder, each file entirely or not at all."""
-    import pyarrow.parquet  # noqa: PLC0415 - an extra
-
-    for name, table in zip(PARQUET_NAMES, tables_of(record), strict=True):
-        with replacing(folder / name) as temporary:
-            pyarrow.parquet.write_table(arrow_table(table), temporary)
-
-
-def arrow_table(table: Table) -> Any:
-    """Return a table as a ``pyarrow.Table``: every column of one type, unknown values null.
-
-    A column of scalars of any type becomes two: its numbers, and under ``<name>_text`` what is no number.
-    """
-    import pyarrow as pa  # noqa: PLC0415 - an extra
-
-    types: dict[Kind, Any] = {
-        "text": pa.string(),
-        "texts": pa.list_(pa.string()),
-        "integer": pa.int64(),
-        "integers": pa.list_(pa.int64()),
-        "number": pa.float64(),
-    }
-    arrays: dict[str, Any] = {}
-    for place, column in enumerate(table.columns):
-        cells = [_arrow_value(row[place]) for row in table.rows]
-        # An Arrow column has one type; a statistic may be a number, a text or a flag.
-        if column.kind == "scalar":
-            arrays[column.name] = pa.array([cell if _is_number(cell) else None for cell in cells], types["number"])
-            # Flags as JSON has them: true, false.
-            texts = [str(cell).lower() if isinstance(cell, bool) else cell for cell in cells]
-            arrays[f"{column.name}_text"] = pa.array(
-                [cell if isinstance(cell, str) else None for cell in texts], types["text"]
-            )
-        else:
-            arrays[column.name] = pa.array(cells, types[column.kind])
-    return pa.table(arrays)
-
-
-def _arrow_value(value: Any) -> Any:
-    """Return a cell as Arrow can carry it, and as the record's JSON does.
-
-    A number that is not finite is null, an undecodable byte of a path an escape.
-    """
-    if isinstance(value, str):
-        return value.encode("utf-8", "backslashreplace").decode("utf-8")
-    if isinstance(value, tuple):
-        return [_arrow_value(item) for item in value]
-    return None if _is_number(value) and not math.isfinite(value) else value
-
-
-def _is_number(value: Any) -> bool:
-    # bool is a subclass of int; as numbers, flags would become 0 and 1.
-    return isinstance(value, Real) and not isinstance(value, bool)
-
-
 _NAMED_IN_RESULTS = "The message of a result names the probable cause and its remedy, where there is one."
-
-
-def rule_helps() -> Mapping[str, RuleHelp]:
-    """Return the help of the rules of every check, by the name of the check."""
-    return {explained.check: _help_of(explained) for explained in published_explanations()}
-
-
-def _help_of(explained: Explanation) -> RuleHelp:
-    """Return what a check measures, why it matters, what it cannot detect, and what to do."""
-    price = "\n".join(f"- {line}" if line else "" for line in fault_price_text(explained.check).splitlines()[:-1])
-    sections = {
-        "What is checked": explained.measured,
-        "Why it matters": "\n\n".join(filter(None, (explained.sections["Why it matters"], price))),
-        "What it cannot detect": explained.sections["Cannot detect"],
-        "What to do": "\n".join([*_remedies(explained.check), _NAMED_IN_RESULTS]),
-    }
-    text = "\n\n".join(f"{title}\n{section}" for title, section in sections.items()).replace("``", "")
-    markdown = "\n\n".join(f"## {title}\n\n{markdown_of(section)}" for title, section in sections.items())
-    return RuleHelp(
-        description=explained.measured.replace("``", ""),
-        text=f"{explained.question}\n\n{text}",
-        markdown=f"**{markdown_of(explained.question)}**\n\n{markdown}",
-    )
-
-
-def _remedies(check: str) -> list[str]:
-    """Return the remedies of the causes that a check measures directly, as a list of Markdown and a blank line."""
-    causes = [cause for cause in CAUSES.values() if is_direct(cause.identifier, f"{check}.rule")]
-    items = [f"- {cause.meaning[0].upper()}{cause.meaning[1:]}: {cause.remedy}" for cause in causes]
-    return [*items, ""] if items else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,7 +118,7 @@ class Outputs:
                 raise MisuseError(f"Expected the folder of {target} to be writable")
         # Last, because these import optional packages; a wrong path is reported without that.
         if self.parquet:
-            require_parquet()
+            _require_parquet()
         if self.html:
             require_renderer()
 
@@ -288,7 +146,7 @@ class Outputs:
             self.parquet.mkdir(exist_ok=True)
             write_parquet(self.parquet, record)
         if self.html:
-            write_document(self.html, render_record(record, arrays))
+            write_document(self.html, _render_record(record, arrays))
 
 
 def _without_evidence(file: FileRecord) -> FileRecord:
@@ -308,3 +166,129 @@ def require_new_file(
             raise MisuseError(f"Expected an output of its own, got {output}, which is {path}")
     if not force:
         raise MisuseError(f"Expected a new file to write, got {output}, which exists; {remedy}")
+
+
+def require_renderer() -> None:
+    """Raise ``MisuseError`` where ``fedora_reports`` is not installed."""
+    try:
+        from fedora_reports import html  # noqa: F401, PLC0415 - an extra
+    except ImportError as missing:
+        raise MisuseError(
+            f"Expected what draws reports, got: {missing}; install it with pip install 'fedora-qa[reports]'"
+        ) from None
+
+
+def page_or_none(document: Record | Comparison | Score, arrays: Mapping[str, NDArray[Any]]) -> str | None:
+    """Draw the page of a document, of a record with its arrays; None where ``fedora_reports`` is not installed."""
+    try:
+        from fedora_reports.comparison import render_comparison  # noqa: PLC0415 - an extra
+        from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
+        from fedora_reports.score import render_score  # noqa: PLC0415 - an extra
+    except ImportError:
+        return None
+    if isinstance(document, Comparison):
+        return render_comparison(document)
+    return render_score(document) if isinstance(document, Score) else render_html(document, arrays)
+
+
+def _render_record(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Draw the report from a record and its arrays, with the detection power that was measured."""
+    from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
+
+    return render_html(record, arrays, pass_detection_power(), fault_price_texts())
+
+
+def _require_parquet() -> None:
+    """Raise ``MisuseError`` where pyarrow, which writes Parquet, is not installed."""
+    try:
+        import pyarrow.parquet  # noqa: F401, PLC0415 - an extra
+    except ImportError as missing:
+        raise MisuseError(
+            f"Expected what writes Parquet, got: {missing}; install it with pip install 'fedora-qa[parquet]'"
+        ) from None
+
+
+def write_parquet(folder: Path, record: Record) -> None:
+    """Write each table of a record into a folder, each file entirely or not at all."""
+    import pyarrow.parquet  # noqa: PLC0415 - an extra
+
+    for name, table in zip(PARQUET_NAMES, tables_of(record), strict=True):
+        with replacing(folder / name) as temporary:
+            pyarrow.parquet.write_table(arrow_table(table), temporary)
+
+
+def arrow_table(table: Table) -> Any:
+    """Return a table as a ``pyarrow.Table``: every column of one type, unknown values null.
+
+    A column of scalars of any type becomes two: its numbers, and under ``<name>_text`` what is no number.
+    """
+    import pyarrow as pa  # noqa: PLC0415 - an extra
+
+    types: dict[Kind, Any] = {
+        "text": pa.string(),
+        "texts": pa.list_(pa.string()),
+        "integer": pa.int64(),
+        "integers": pa.list_(pa.int64()),
+        "number": pa.float64(),
+    }
+    arrays: dict[str, Any] = {}
+    for place, column in enumerate(table.columns):
+        cells = [_arrow_value(row[place]) for row in table.rows]
+        # An Arrow column has one type; a statistic may be a number, a text or a flag.
+        if column.kind == "scalar":
+            arrays[column.name] = pa.array([cell if _is_number(cell) else None for cell in cells], types["number"])
+            # Flags as JSON has them: true, false.
+            texts = [str(cell).lower() if isinstance(cell, bool) else cell for cell in cells]
+            arrays[f"{column.name}_text"] = pa.array(
+                [cell if isinstance(cell, str) else None for cell in texts], types["text"]
+            )
+        else:
+            arrays[column.name] = pa.array(cells, types[column.kind])
+    return pa.table(arrays)
+
+
+def _arrow_value(value: Any) -> Any:
+    """Return a cell as Arrow can carry it, and as the record's JSON does.
+
+    A number that is not finite is null, an undecodable byte of a path an escape.
+    """
+    if isinstance(value, str):
+        return value.encode("utf-8", "backslashreplace").decode("utf-8")
+    if isinstance(value, tuple):
+        return [_arrow_value(item) for item in value]
+    return None if _is_number(value) and not math.isfinite(value) else value
+
+
+def _is_number(value: Any) -> bool:
+    # bool is a subclass of int; as numbers, flags would become 0 and 1.
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def rule_helps() -> Mapping[str, RuleHelp]:
+    """Return the help of the rules of every check, by the name of the check."""
+    return {explained.check: _help_of(explained) for explained in published_explanations()}
+
+
+def _help_of(explained: Explanation) -> RuleHelp:
+    """Return what a check measures, why it matters, what it cannot detect, and what to do."""
+    price = "\n".join(f"- {line}" if line else "" for line in fault_price_text(explained.check).splitlines()[:-1])
+    sections = {
+        "What is checked": explained.measured,
+        "Why it matters": "\n\n".join(filter(None, (explained.sections["Why it matters"], price))),
+        "What it cannot detect": explained.sections["Cannot detect"],
+        "What to do": "\n".join([*_remedies(explained.check), _NAMED_IN_RESULTS]),
+    }
+    text = "\n\n".join(f"{title}\n{section}" for title, section in sections.items()).replace("``", "")
+    markdown = "\n\n".join(f"## {title}\n\n{markdown_of(section)}" for title, section in sections.items())
+    return RuleHelp(
+        description=explained.measured.replace("``", ""),
+        text=f"{explained.question}\n\n{text}",
+        markdown=f"**{markdown_of(explained.question)}**\n\n{markdown}",
+    )
+
+
+def _remedies(check: str) -> list[str]:
+    """Return the remedies of the causes that a check measures directly, as a list of Markdown and a blank line."""
+    causes = [cause for cause in CAUSES.values() if is_direct(cause.identifier, f"{check}.rule")]
+    items = [f"- {cause.meaning[0].upper()}{cause.meaning[1:]}: {cause.remedy}" for cause in causes]
+    return [*items, ""] if items else []

@@ -20,9 +20,9 @@ START_TIME: Final = "fedora_qa.began"
 IN_PROCESS_VARIABLE: Final = "FEDORA_QA_IN_PROCESS"
 """If set, a single job runs in the process of the command: for debuggers and profilers."""
 
-_COMMANDS: Final = frozenset({"check", "gate"})
+_WITH_WORKERS: Final = frozenset({"check", "gate"})
 
-_WITHOUT: Final = frozenset({"-h", "--help", "--dask"})
+_WITHOUT_WORKERS: Final = frozenset({"-h", "--help", "--dask"})
 """Options with which these commands start no workers."""
 
 
@@ -33,7 +33,12 @@ def preload_workers(arguments: Sequence[str]) -> None:
     """
     # Both `--dask ADDRESS` and `--dask=ADDRESS` are legal.
     options = {argument.split("=")[0] for argument in arguments}
-    if arguments and arguments[0] in _COMMANDS and not options & _WITHOUT and IN_PROCESS_VARIABLE not in os.environ:
+    if (
+        arguments
+        and arguments[0] in _WITH_WORKERS
+        and not options & _WITHOUT_WORKERS
+        and IN_PROCESS_VARIABLE not in os.environ
+    ):
         from fedora_qa.engine.fork_server import begin_preloading  # noqa: PLC0415 - other commands need none of it
 
         begin_preloading(_selected(arguments))

@@ -41,12 +41,12 @@ from fedora_qa.record.wording import (
     why_incomplete,
 )
 
-VERDICT_STYLES: Final[Mapping[Verdict, str]] = {
+_VERDICT_STYLES: Final[Mapping[Verdict, str]] = {
     "clean": "bold green",
     "findings": "bold red",
     "incomplete": "bold magenta",
 }
-OUTCOME_STYLES: Final[Mapping[Outcome, str]] = {
+_OUTCOME_STYLES: Final[Mapping[Outcome, str]] = {
     "failed": "bold red",
     "crashed": "bold magenta",
     "warned": "yellow",
@@ -54,7 +54,7 @@ OUTCOME_STYLES: Final[Mapping[Outcome, str]] = {
     "not_observable": "dim",
     "not_applicable": "dim",
 }
-SEVERITY_STYLES: Final[Mapping[Severity, str]] = {
+_SEVERITY_STYLES: Final[Mapping[Severity, str]] = {
     "critical": "bold red",
     "error": "red",
     "warning": "yellow",
@@ -65,7 +65,6 @@ _WIDE: Final = 110
 """Columns from which the checks fit into a table of one line each."""
 _FINDINGS_SHOWN: Final = 12
 _SLOWEST_SHOWN: Final = 3
-
 
 Detail = Literal["quiet", "normal", "verbose"]
 """``quiet``: a line a file; ``normal``: the passed checks of a subject in one line; ``verbose``: every check with its
@@ -105,7 +104,7 @@ def show_record(console: Console, record: Record, detail: Detail = "normal") -> 
         table.add_column(overflow="fold")
         table.add_column(overflow="fold")
         for verdict, path, first in rows:
-            table.add_row(Text(verdict, style=VERDICT_STYLES[verdict]), path, first)
+            table.add_row(Text(verdict, style=_VERDICT_STYLES[verdict]), path, first)
         console.print(table)
     else:
         # Programs that read a pipe rely on one line a file, however long.
@@ -115,6 +114,23 @@ def show_record(console: Console, record: Record, detail: Detail = "normal") -> 
             console.print(Text(f"{verdict:<{verdict_width}}  ") + path + Text("  ") + first, soft_wrap=True)
     if len(record.files) > 1 and detail != "quiet":
         console.print(Group(Text(), _common_verdict(record.files)))
+
+
+def run_report(record_path: Path, outputs: Outputs, detail: Detail) -> int:
+    """Run the command and return its exit code."""
+    # The record and its arrays are inputs, even where no picture is drawn from them.
+    outputs.require_writable([record_path, arrays_beside(record_path)])
+    record = read_record(record_path)
+    arrays: Mapping[str, NDArray[Any]] = {}
+    if outputs.html and any(file.evidence for file in record.files):
+        try:
+            arrays = read_arrays(arrays_beside(record_path))
+        except MisuseError as problem:
+            # A warning, not misuse: verdict, findings and tables need no arrays.
+            click.echo(f"fedora-qa: {unobeyed(str(problem))}; the report is drawn without pictures", err=True)
+    outputs.write(record, arrays)
+    print_record(record, outputs, detail)
+    return 0
 
 
 def _first_words(file: FileRecord) -> str:
@@ -127,7 +143,7 @@ def _common_verdict(files: Sequence[FileRecord]) -> Text:
     gravest = gravest_verdict(files)
     paths = [file.path for file in files if file.verdict == gravest]
     count = f"{len(paths)} of {len(files)}" + ("" if gravest == "clean" else f", first {paths[0]}")
-    return Text.assemble((f" {gravest.upper()} ", VERDICT_STYLES[gravest] + " reverse"), "  ", text(count))
+    return Text.assemble((f" {gravest.upper()} ", _VERDICT_STYLES[gravest] + " reverse"), "  ", text(count))
 
 
 def _run_lines(record: Record) -> Iterator[str]:
@@ -164,8 +180,10 @@ def _verdict(file: FileRecord) -> Iterator[RenderableType]:
         yield text(canaries_seen(file))
     yield text(identity(file), "dim")
     if why_incomplete(file):
-        yield text(f"incomplete: {why_incomplete(file)}", VERDICT_STYLES["incomplete"])
-    yield Text.assemble((f" {file.verdict.upper()} ", VERDICT_STYLES[file.verdict] + " reverse"), "  ", text(file.path))
+        yield text(f"incomplete: {why_incomplete(file)}", _VERDICT_STYLES["incomplete"])
+    yield Text.assemble(
+        (f" {file.verdict.upper()} ", _VERDICT_STYLES[file.verdict] + " reverse"), "  ", text(file.path)
+    )
 
 
 def _details(file: FileRecord, width: int, detail: Detail) -> Iterator[RenderableType]:
@@ -193,7 +211,7 @@ def _details(file: FileRecord, width: int, detail: Detail) -> Iterator[Renderabl
         for result, finding in findings[:_FINDINGS_SHOWN]:
             head = Text.assemble(
                 (f"{finding.id}  ", "bold"),
-                (finding.severity, SEVERITY_STYLES[finding.severity]),
+                (finding.severity, _SEVERITY_STYLES[finding.severity]),
                 "  ",
                 text(finding.code or result.check),
             )
@@ -260,7 +278,7 @@ def _folded_checks(results: Sequence[Result], width: int) -> Iterator[Renderable
         if result.outcome == "passed":
             passed.setdefault(subject, []).append(question or subject)
     for subject, questions in passed.items():
-        yield Text.assemble(("passed", OUTCOME_STYLES["passed"]), "  ", text(f"{subject}: {', '.join(questions)}"))
+        yield Text.assemble(("passed", _OUTCOME_STYLES["passed"]), "  ", text(f"{subject}: {', '.join(questions)}"))
     others = [result for result in results if result.outcome not in {"passed", "not_applicable"}]
     if others:
         # What failed stands last, nearest to its findings.
@@ -268,21 +286,4 @@ def _folded_checks(results: Sequence[Result], width: int) -> Iterator[Renderable
 
 
 def _outcome(result: Result) -> Text:
-    return Text(OUTCOME_WORDS[result.outcome], style=OUTCOME_STYLES[result.outcome])
-
-
-def run_report(record_path: Path, outputs: Outputs, detail: Detail) -> int:
-    """Run the command and return its exit code."""
-    # The record and its arrays are inputs, even where no picture is drawn from them.
-    outputs.require_writable([record_path, arrays_beside(record_path)])
-    record = read_record(record_path)
-    arrays: Mapping[str, NDArray[Any]] = {}
-    if outputs.html and any(file.evidence for file in record.files):
-        try:
-            arrays = read_arrays(arrays_beside(record_path))
-        except MisuseError as problem:
-            # A warning, not misuse: verdict, findings and tables need no arrays.
-            click.echo(f"fedora-qa: {unobeyed(str(problem))}; the report is drawn without pictures", err=True)
-    outputs.write(record, arrays)
-    print_record(record, outputs, detail)
-    return 0
+    return Text(OUTCOME_WORDS[result.outcome], style=_OUTCOME_STYLES[result.outcome])

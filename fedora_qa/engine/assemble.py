@@ -38,33 +38,6 @@ from fedora_qa.storage.place import RemoteFile
 from fedora_qa.views.storage_steps import inferred_steps
 
 
-def keep_agreement(checks: Iterable[Check[Any]], outcomes: Mapping[str, Outcome]) -> TitledArrays:
-    """Return numbers of passed and failed checks by pair of streams: the odd stream fails with all others.
-
-    Parameters
-    ----------
-    checks
-        Of the file. A check of three streams counts for each pair of them; all rates of flow are one stream.
-    outcomes
-        By check; those that are neither passed nor failed do not count.
-    """
-    counts: Counter[tuple[str, str, Outcome]] = Counter()
-    for check in checks:
-        # Index maps are no streams: they hold rows of events.
-        streams = sorted({stream_family(stream) for stream in check.needs} - set(FRAMES_OF_MAP))
-        for first, second in combinations(streams, 2):
-            counts[first, second, outcomes.get(check.name, "crashed")] += 1
-    pairs = sorted({(first, second) for first, second, outcome in counts if outcome in ("passed", "failed")})
-    entries = {
-        named(AGREEMENT, first, second): (
-            np.array([counts[first, second, "passed"], counts[first, second, "failed"]]),
-            f"Checks that compare {first} with {second}: passed, failed",
-        )
-        for first, second in pairs
-    }
-    return TitledArrays.titled(entries)
-
-
 def assemble(
     survey: Survey, file: OpenSurvey, parts: Iterable[PassState], lost: Sequence[int], progress: Progress
 ) -> FileRun:
@@ -120,18 +93,18 @@ def assemble(
         collector = file.statistics
         tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
     with watch.stage("evidence"):
-        kept = evidence_of_checks(observations)
+        kept = _evidence_of_checks(observations)
         wanted = options.evidence
         if file.keeper is not None and file.distributions is not None and wanted is not None:
             findings = [alarm.finding for alarm in alarms]
-            of_pass = evidence_of_pass(file.keeper, states, findings, ready, file.chosen, wanted, again)
+            of_pass = _evidence_of_pass(file.keeper, states, findings, ready, file.chosen, wanted, again)
             groups = [of_pass, kept, distributions_of(file.distributions, states, facts)]
             if alarms:
                 from fedora_qa.engine.trial_evidence import keep_trials  # noqa: PLC0415 - loads every fault
 
                 of_trials = partial(keep_trials, diagnoses, causes.trials, causes.benches, wanted)
                 groups.append(attempt(states, file.keeper.name, of_trials) or TitledArrays())
-                groups.append(keep_agreement(asked, {each.result.check: each.result.outcome for each in judged}))
+                groups.append(_keep_agreement(asked, {each.result.check: each.result.outcome for each in judged}))
             kept = merged(groups)
     results = results_in_order(survey.checks, judged, states, survey.reasons)
     canaries: tuple[Canary, ...] = ()
@@ -173,7 +146,34 @@ def assemble(
     return FileRun(record, kept.arrays, seconds, decoded_bytes, traffic, faults=faults)
 
 
-def evidence_of_checks(observations: Mapping[str, Observation]) -> TitledArrays:
+def _keep_agreement(checks: Iterable[Check[Any]], outcomes: Mapping[str, Outcome]) -> TitledArrays:
+    """Return numbers of passed and failed checks by pair of streams: the odd stream fails with all others.
+
+    Parameters
+    ----------
+    checks
+        Of the file. A check of three streams counts for each pair of them; all rates of flow are one stream.
+    outcomes
+        By check; those that are neither passed nor failed do not count.
+    """
+    counts: Counter[tuple[str, str, Outcome]] = Counter()
+    for check in checks:
+        # Index maps are no streams: they hold rows of events.
+        streams = sorted({stream_family(stream) for stream in check.needs} - set(FRAMES_OF_MAP))
+        for first, second in combinations(streams, 2):
+            counts[first, second, outcomes.get(check.name, "crashed")] += 1
+    pairs = sorted({(first, second) for first, second, outcome in counts if outcome in ("passed", "failed")})
+    entries = {
+        named(AGREEMENT, first, second): (
+            np.array([counts[first, second, "passed"], counts[first, second, "failed"]]),
+            f"Checks that compare {first} with {second}: passed, failed",
+        )
+        for first, second in pairs
+    }
+    return TitledArrays.titled(entries)
+
+
+def _evidence_of_checks(observations: Mapping[str, Observation]) -> TitledArrays:
     """Return the arrays that checks keep, under ``<check>/<name>``; one without a title is called by its name."""
     return merged(
         TitledArrays.titled(
@@ -186,7 +186,7 @@ def evidence_of_checks(observations: Mapping[str, Observation]) -> TitledArrays:
     )
 
 
-def evidence_of_pass(
+def _evidence_of_pass(
     collector: EvidenceCollector,
     states: PassState,
     findings: Iterable[Finding],

@@ -24,6 +24,12 @@ if TYPE_CHECKING:  # loads HDF5
     from fedora_qa.engine.survey import OpenSurvey, Survey
     from fedora_qa.layout.dialect import DialectChoice
 
+_TASKS: Final = "fedora_qa.engine.tasks"
+_KERNELS: Final = "fedora_qa.engine.kernels"
+
+_OPENING_S: Final = 60.0
+"""A file opens in hundredths of a second, over a slow network in some seconds."""
+
 
 class OpenFile:
     """Holds one open file at most, so that neighbouring batches of windows share the rows between them.
@@ -219,9 +225,6 @@ class NamedFunction:
         return getattr(import_module(self.module), self.name)(*arguments)
 
 
-_TASKS: Final = "fedora_qa.engine.tasks"
-_KERNELS: Final = "fedora_qa.engine.kernels"
-
 OPEN_AND_CLOSE: Final = NamedFunction(_TASKS, "open_and_close")
 CHECK_WHOLE: Final = NamedFunction(_TASKS, "check_whole")
 SURVEY_FILE: Final = NamedFunction(_TASKS, "survey_file")
@@ -230,10 +233,6 @@ FINISH_FILE: Final = NamedFunction(_TASKS, "finish_file")
 TRAFFIC_OF: Final = NamedFunction(_TASKS, "traffic_of")
 UNCOMPILED: Final = NamedFunction(_KERNELS, "uncompiled")
 COMPILE_GROUP: Final = NamedFunction(_KERNELS, "compile_group")
-
-
-_OPENING_S: Final = 60.0
-"""A file opens in hundredths of a second, over a slow network in some seconds."""
 
 
 def opening_test(path: Place, dialect: "DialectChoice" = None, allow_external: Iterable[Path] = ()) -> Task | None:

@@ -17,6 +17,15 @@ if TYPE_CHECKING:  # loads what measures
     from fedora_qa.checks.protocol import Check
     from fedora_qa.engine.survey import Survey
 
+_OPENED: Final = "being opened"
+
+_SHARE: Final = 2 / 3
+_FEWEST_WINDOWS: Final = 4
+_MOST_WINDOWS: Final = 64
+"""Bounds of a batch: share of the windows that are left, and their number. States of windows, some 40 MB at 1440x1080,
+are written after each batch and read for the next, which takes as long as two windows there; a worker that dies loses
+one batch."""
+
 
 @dataclass(frozen=True, slots=True)
 class PackedSurvey:
@@ -45,16 +54,6 @@ class PackedSurvey:
         """Return the survey. This takes the process of the command more than a second, and workers nothing."""
         survey: Survey = pickle.loads(self.pickled)
         return survey
-
-
-_OPENED: Final = "being opened"
-
-_SHARE: Final = 2 / 3
-_FEWEST_WINDOWS: Final = 4
-_MOST_WINDOWS: Final = 64
-"""Bounds of a batch: share of the windows that are left, and their number. States of windows, some 40 MB at 1440x1080,
-are written after each batch and read for the next, which takes as long as two windows there; a worker that dies loses
-one batch."""
 
 
 @dataclass(frozen=True, slots=True)

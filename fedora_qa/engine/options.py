@@ -21,11 +21,13 @@ if TYPE_CHECKING:  # loads what measures
     from fedora_qa.judgement.materiality import Profile
     from fedora_qa.layout.dialect import DialectChoice
 
-
 Effort = Literal["quick", "standard", "full", "exhaustive"]
 
-
 _MEBIBYTE: Final = 1 << 20
+
+DIED_TWICE: Final = "died twice over it (out of memory, or a library crashed)"
+ENDLESS: Final = "did not come to an end, and was ended"
+"""How the processes that did a task ended, as a record states it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +84,6 @@ class FileRun:
     traffic: Traffic = NO_TRAFFIC
     reached: str = ""
     faults: "Mapping[str, ReversibleFault]" = field(default_factory=dict)
-
-
-DIED_TWICE: Final = "died twice over it (out of memory, or a library crashed)"
-ENDLESS: Final = "did not come to an end, and was ended"
-"""How the processes that did a task ended, as a record states it."""
 
 
 def lost_file(

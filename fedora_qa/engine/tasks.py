@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.catalogue import select_checks
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.assemble import assemble, distributions_of
-from fedora_qa.engine.executor import Kept, Worker
+from fedora_qa.engine.executor import Kept, OpenFile, Worker
 from fedora_qa.engine.file_work import PackedSurvey
 from fedora_qa.engine.measure import Accumulator, PassState, attempt, measure
 from fedora_qa.engine.options import CheckOptions, FileRun
@@ -33,13 +33,18 @@ Audience = Literal["planned", "steady", "sampled"]
 """Who gets a window: all whom the plan gives it to; checks that get every window, whatever the plan; all others."""
 
 
-def open_and_close(path: Place, dialect: DialectChoice, allow_external: Iterable[Path], _: Worker) -> bool:
-    """Open a file as later tasks do, and return whether HDF5 does; one that it refuses is theirs to report."""
-    try:
-        open_sequence(path, dialect, allow_external=allow_external).close()
-    except UnreadableFileError:
-        return False
-    return True
+def check_file(path: Place, options: CheckOptions, progress: Progress = quiet) -> FileRun:
+    """Check one file.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it is not HDF5, or the options name an unknown check, or a budget of time, which
+        only ``check_files`` supports.
+    """
+    if options.budget_s is not None:
+        raise MisuseError("Expected check_files for a budget of time, got check_file, which takes what it takes")
+    return check_whole(path, None, options, Worker(OpenFile(keeps=False), progress))
 
 
 def check_whole(path: Place, checks: Asked, options: CheckOptions, worker: Worker) -> FileRun:
@@ -53,6 +58,15 @@ def measure_and_assemble(survey: Survey, progress: Progress) -> FileRun:
     with opened(survey) as file:
         measured = measure_open(survey, file, survey.windows, progress)
         return assemble(survey, file, [measured], [], progress)
+
+
+def open_and_close(path: Place, dialect: DialectChoice, allow_external: Iterable[Path], _: Worker) -> bool:
+    """Open a file as later tasks do, and return whether HDF5 does; one that it refuses is theirs to report."""
+    try:
+        open_sequence(path, dialect, allow_external=allow_external).close()
+    except UnreadableFileError:
+        return False
+    return True
 
 
 def survey_file(path: Place, checks: Asked, options: CheckOptions, worker: Worker) -> PackedSurvey | FileRun:
@@ -128,29 +142,14 @@ def finish_file(packed: PackedSurvey | Kept, parts: Sequence[Kept], lost: Sequen
     return run
 
 
-def _loaded(packed: PackedSurvey | Kept) -> Survey:
-    survey: PackedSurvey = packed.load() if isinstance(packed, Kept) else packed
-    return survey.load()
-
-
 def traffic_of(parts: Sequence[Kept], _: Worker) -> Traffic:
     """Return the requests to a server for passes over windows."""
     return sum((part.load().traffic for part in parts), NO_TRAFFIC)
 
 
-def check_file(path: Place, options: CheckOptions, progress: Progress = quiet) -> FileRun:
-    """Check one file.
-
-    Raises
-    ------
-    MisuseError
-        There is no such file, it is not HDF5, or the options name an unknown check, or a budget of time, which
-        only ``check_files`` supports.
-    """
-    if options.budget_s is not None:
-        raise MisuseError("Expected check_files for a budget of time, got check_file, which takes what it takes")
-    survey = survey_of(path, select_checks(options.select, options.ignore), options, progress)
-    return survey if isinstance(survey, FileRun) else measure_and_assemble(survey, progress)
+def _loaded(packed: PackedSurvey | Kept) -> Survey:
+    survey: PackedSurvey = packed.load() if isinstance(packed, Kept) else packed
+    return survey.load()
 
 
 @dataclass(frozen=True, slots=True)

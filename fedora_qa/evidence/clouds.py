@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.evidence.snapshot import EVENTS_NS, events_around, nearest_row, sensor_shape
+from fedora_qa.evidence.snapshot import EVENTS_NS, ON_CLOCK, events_around, nearest_row, sensor_shape
 from fedora_qa.evidence.titled_arrays import TitledArrays
 from fedora_qa.geometry.lens import rays_of_pixels
 from fedora_qa.record.evidence import EVENT_CLOUDS, POINT_CLOUD, named
@@ -20,7 +20,12 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import why_not_one_view
 from fedora_qa.views.flow_intervals import pose_track
 
-_ON_CLOCK: Final = "us on the file's clock"
+Float64 = NDArray[np.float64]
+
+_FARTHEST_FRAME_NS: Final = EVENTS_NS // 2
+"""A colour frame farther from the depth frame shows another view, and colours no point."""
+
+_GREY: Final = 128
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,10 +123,10 @@ def keep_event_clouds(clouds: Sequence[EventCloud], facts: Facts, most: int) -> 
     within = f"within {EVENTS_NS / NS_PER_MS:g} ms around the instants"
     numbers = np.repeat(np.arange(len(kept), dtype=np.uint8), [len(cloud.x) for cloud in kept])
     entries: dict[str, tuple[NDArray[Any], str]] = {
-        "times_us": (times_us, f"Instants with most events, {_ON_CLOCK}"),
+        "times_us": (times_us, f"Instants with most events, {ON_CLOCK}"),
         "intervals_us": (
             times_us[:, None] + np.array([-1, 1]) * EVENTS_NS / 2 / NS_PER_US,
-            f"Start and end of the time around each instant, {_ON_CLOCK}",
+            f"Start and end of the time around each instant, {ON_CLOCK}",
         ),
         "counts": (np.array([cloud.count for cloud in kept]), f"Number of events {within}"),
         "shapes_px": (np.array([cloud.shape for cloud in kept]), "Height and width of the sensor at each instant, px"),
@@ -135,14 +140,6 @@ def keep_event_clouds(clouds: Sequence[EventCloud], facts: Facts, most: int) -> 
         ),
     }
     return TitledArrays.titled({named(EVENT_CLOUDS, name): entry for name, entry in entries.items()})
-
-
-Float64 = NDArray[np.float64]
-
-_FARTHEST_FRAME_NS: Final = EVENTS_NS // 2
-"""A colour frame farther from the depth frame shows another view, and colours no point."""
-
-_GREY: Final = 128
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +249,7 @@ def keep_point_cloud(clouds: Sequence[PointCloud], facts: Facts) -> TitledArrays
     offsets_m = np.concatenate([cloud.points_world_m for cloud in clouds]) - origin_m
     times_us = np.array([facts.to_file_us(cloud.time_ns) for cloud in clouds])
     entries: dict[str, tuple[NDArray[Any], str]] = {
-        "times_us": (times_us, "Instants of the depth frames, us on the file's clock"),
+        "times_us": (times_us, f"Instants of the depth frames, {ON_CLOCK}"),
         "origin_world_m": (origin_m, "Position of the body at the first of these instants, m (east, north, up)"),
         "offsets_m": (
             offsets_m.astype(np.float32),

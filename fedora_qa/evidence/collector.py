@@ -29,6 +29,7 @@ from fedora_qa.evidence.histograms import (
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.snapshot import Snapshot, fitting_width_px, keep_snapshots, snapshot_times_ns, take_snapshot
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
+from fedora_qa.evidence.value_counts import add_counts
 from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.record.evidence import MOMENTS, TIMELINE, UNMEASURED, named
 from fedora_qa.sequence.facts import Facts
@@ -198,7 +199,7 @@ class EvidenceCollector:
         times_ns = state.plan.snapshot_times_ns.get(window.span.index, ())
         width_px, families = state.plan.width_px, self._families
         state.snapshots += [take_snapshot(window, time_ns, width_px, families=families) for time_ns in times_ns]
-        _add_values(state.values, window_values(window, self._families))
+        add_counts(state.values, window_values(window, self._families))
         for time_ns in times_ns:
             if time_ns in state.plan.point_cloud_times_ns:
                 most_points = self._options.cloud_points // self._options.point_clouds
@@ -239,7 +240,7 @@ class EvidenceCollector:
             events={**state.events, **later.events},
             decoded=state.decoded + later.decoded,
         )
-        _add_values(both.values, later.values)
+        add_counts(both.values, later.values)
         if later.pixels is not None:
             both.pixels = later.pixels if both.pixels is None else padded_sum(both.pixels, later.pixels)
         return both
@@ -371,8 +372,3 @@ def stream_counts(
             by_window.append(timeline.spread(stop - start, span) if counted is None else counted)
         counts["events"] = sum(by_window, np.zeros(timeline.bins, np.int64))
     return counts
-
-
-def _add_values(total: dict[str, Int64], part: Mapping[str, Int64]) -> None:
-    for quantity, counts in part.items():
-        total[quantity] = total[quantity] + counts if quantity in total else counts

@@ -4,7 +4,7 @@ Counts in fixed bins, 16 an octave, are integers. So windows merge exactly, bloc
 same edges.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import ceil, log2
 from typing import Any, Final
 
@@ -17,7 +17,7 @@ from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.histograms import window_values
 from fedora_qa.evidence.titled_arrays import TitledArrays
-from fedora_qa.evidence.value_counts import count_values, octave_counts, octave_edges
+from fedora_qa.evidence.value_counts import add_counts, count_values, octave_counts, octave_edges
 from fedora_qa.record.evidence import DISTRIBUTIONS, QUANTITIES, named
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span, Window
@@ -72,7 +72,7 @@ class DistributionsCollector:
         counts = window_values(window, self._families)
         if in_families("events", self._families):
             counts = {**counts, **_event_counts(window)}
-        _add(state, window.span.start_ns // self._block_ns, counts)
+        add_counts(state.setdefault(window.span.start_ns // self._block_ns, {}), counts)
 
     def merge(self, state: Blocks, later: Blocks) -> Blocks:
         """Return the counts of the windows of both; neither state is changed.
@@ -84,7 +84,7 @@ class DistributionsCollector:
         """
         both = {block: dict(counts) for block, counts in state.items()}
         for block, counts in later.items():
-            _add(both, block, counts)
+            add_counts(both.setdefault(block, {}), counts)
         return both
 
     def conclude(self, state: Blocks, facts: Facts) -> TitledArrays:
@@ -150,12 +150,6 @@ def pixel_intervals_ms(pixels: NDArray[np.integer[Any]], times_ns: Int64, start_
     times_ns = times_ns.view()
     times_ns.flags.writeable = False  # as decoded timestamps are, so that the loop is compiled once
     return _intervals_ns(numbers, times_ns, count, start_ns, LONGEST_INTERVAL_NS) / NS_PER_MS
-
-
-def _add(state: Blocks, number: int, counts: Mapping[str, Int64]) -> None:
-    block = state.setdefault(number, {})
-    for quantity, added in counts.items():
-        block[quantity] = block[quantity] + added if quantity in block else added
 
 
 def _event_counts(window: Window) -> dict[str, Int64]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.evidence.pictures import add_events
+from fedora_qa.evidence.pictures import LARGEST_SENSOR_PX, add_events
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.evidence.value_counts import Int64, added, count_values, histogram
 from fedora_qa.record.evidence import HISTOGRAMS, named
@@ -17,8 +17,6 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.statistics.moments import readable_images, sampled_depth_m, sampled_luma_dn, sampled_speeds_px
 
 UInt32 = NDArray[np.uint32]
-
-_LARGEST_SENSOR_PX: Final = 4096
 
 _TITLES: Final = {
     "depth_m": "Sampled pixels by depth, m",
@@ -78,7 +76,7 @@ def with_events(counts: UInt32 | None, window: Window) -> UInt32:
     x, y = (window.rows(f"path/events/{axis}", rows.start, rows.stop) for axis in "xy")
     camera = window.facts.declared.cameras.get("events")
     extent = (camera.height, camera.width) if camera else (int(v.max(initial=0)) + 1 for v in (y, x))
-    height, width = (min(size, _LARGEST_SENSOR_PX) for size in extent)
+    height, width = (min(size, LARGEST_SENSOR_PX) for size in extent)
     counts = grown(np.zeros((0, 0), np.uint32) if counts is None else counts, height, width)
     add_events(counts, x, y)
     return counts

@@ -11,6 +11,9 @@ UInt8 = NDArray[np.uint8]
 UInt16 = NDArray[np.uint16]
 UInt32 = NDArray[np.uint32]
 
+LARGEST_SENSOR_PX: Final = 4096
+"""Events of an undeclared sensor that lie farther out are left out of its picture."""
+
 _MOST_EVENTS: Final = np.iinfo(np.uint16).max
 
 

@@ -15,6 +15,7 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.luma import LUMA_WEIGHTS
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.pictures import (
+    LARGEST_SENSOR_PX,
     block_px,
     events_of_pixels,
     mean_codes,
@@ -32,11 +33,22 @@ T = TypeVar("T")
 EVENTS_NS: Final = 20_000_000
 """Time over which events are counted, ns: one period at 50 frames/s, half before and half after the instant."""
 
-_LARGEST_SENSOR_PX: Final = 4096
-"""Events of an undeclared sensor that lie farther out are left out of its picture."""
-
 _OUTSIDE: Final = -10.0
 """Coordinate outside of all pictures, px, for pixels without a finite flow."""
+
+# Of a pixel of a picture.
+_BYTES_PER_PX: Final = {"path/rgb": 3, "path/depth": 4}
+_FLOW_BYTES_PER_PX: Final = 8
+# Counts of two polarities as uint16; the residual is float16.
+_EVENT_BYTES_PER_PX: Final = 4
+_RESIDUAL_BYTES_PER_PX: Final = 2
+_LEAST_WIDTH_PX: Final = 16
+# Rows and columns of the paper's event camera, for files that declare none.
+_USUAL_SENSOR: Final = (480, 640)
+
+_Entries = Mapping[str, tuple[NDArray[Any], str]]
+
+ON_CLOCK: Final = "us on the file's clock"
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,7 +309,7 @@ def sensor_shape(facts: Facts, events: Events) -> tuple[int, int]:
     declared = facts.declared.cameras.get("events")
     if declared is not None:
         return declared.height, declared.width
-    height, width = (min(int(values.max(initial=0)) + 1, _LARGEST_SENSOR_PX) for values in (events.y, events.x))
+    height, width = (min(int(values.max(initial=0)) + 1, LARGEST_SENSOR_PX) for values in (events.y, events.x))
     return height, width
 
 
@@ -315,16 +327,6 @@ def _mean_codes(window: Window, frame: int, block: int) -> NDArray[Any]:
 def _small(image: NDArray[Any], width_px: int) -> tuple[NDArray[Any], int]:
     block = block_px(image.shape[1], width_px)
     return mean_values(image, block), block
-
-
-_BYTES_PER_PX: Final = {"path/rgb": 3, "path/depth": 4}
-_FLOW_BYTES_PER_PX: Final = 8
-# Counts of two polarities as uint16; the residual is float16.
-_EVENT_BYTES_PER_PX: Final = 4
-_RESIDUAL_BYTES_PER_PX: Final = 2
-_LEAST_WIDTH_PX: Final = 16
-# Rows and columns of the paper's event camera, for files that declare none.
-_USUAL_SENSOR: Final = (480, 640)
 
 
 def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mapping[int, tuple[int, ...]]:
@@ -439,11 +441,6 @@ def _evenly(of: int, count: int) -> list[int]:
     return sorted({int((start + stop) / 2) for start, stop in pairwise(edges)}) if of else []
 
 
-Entries = Mapping[str, tuple[NDArray[Any], str]]
-
-_ON_CLOCK: Final = "us on the file's clock"
-
-
 def keep_snapshots(group: str, snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> TitledArrays:
     """Return snapshots as arrays whose first axis is the snapshot; a missing picture is NaN, or 0 for codes and counts.
 
@@ -485,9 +482,9 @@ def keep_snapshot(group: str, snapshot: Snapshot, facts: Facts, width_px: int) -
     return TitledArrays.titled({named(group, name): (array[0], title) for name, (array, title) in entries.items()})
 
 
-def _entries(snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> Entries:
+def _entries(snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> _Entries:
     times_us = np.array([facts.to_file_us(snapshot.time_ns) for snapshot in snapshots])
-    entries: dict[str, tuple[NDArray[Any], str]] = {"times_us": (times_us, f"Instants, {_ON_CLOCK}")}
+    entries: dict[str, tuple[NDArray[Any], str]] = {"times_us": (times_us, f"Instants, {ON_CLOCK}")}
     for family in ("rgb", "depth", "flow", "residual", "events"):
         pictures = [snapshot.pictures.get(family) for snapshot in snapshots]
         present = [picture for picture in pictures if picture is not None]
@@ -511,15 +508,15 @@ def _entries(snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> Entr
         match family:
             case "rgb":
                 entries["rgb"] = stack, f"Colour frame, DN as stored{averaged}"
-                entries["rgb_times_us"] = intervals_us[:, 0], f"Instants of the colour frames, {_ON_CLOCK}"
+                entries["rgb_times_us"] = intervals_us[:, 0], f"Instants of the colour frames, {ON_CLOCK}"
             case "depth":
                 entries["depth_m"] = stack, f"Depth along the optical axis, m{averaged}"
-                entries["depth_times_us"] = intervals_us[:, 0], f"Instants of the depth frames, {_ON_CLOCK}"
+                entries["depth_times_us"] = intervals_us[:, 0], f"Instants of the depth frames, {ON_CLOCK}"
             case "flow":
                 streams = ", ".join(sorted({picture.stream for picture in present}))
                 title = f"Flow ({streams}; u right, v down), px of the stored image over its interval{averaged}"
                 entries["flow_px"] = stack, title
-                entries["flow_interval_us"] = intervals_us, f"Start and end of the flow's interval, {_ON_CLOCK}"
+                entries["flow_interval_us"] = intervals_us, f"Start and end of the flow's interval, {ON_CLOCK}"
             case "residual":
                 title = (
                     "What the flow leaves: the frame at its end, carried back by it, minus the frame at its start, "
@@ -535,6 +532,6 @@ def _entries(snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> Entr
                 within = f"number in {of_pixel} of the sensor within {counted_ms:g} ms"
                 entries["brighter"] = stack[:, 1], f"Events that tell of brightening, {within}"
                 entries["darker"] = stack[:, 0], f"Events that tell of darkening, {within}"
-                title = f"Start and end of the time in which events were counted, {_ON_CLOCK}"
+                title = f"Start and end of the time in which events were counted, {ON_CLOCK}"
                 entries["events_interval_us"] = intervals_us, title
     return entries

@@ -5,7 +5,7 @@ bits of its fraction. Such bins nest in wider bins of equal width, so that a his
 made at the end without dividing a single count.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -55,6 +55,12 @@ def added(parts: Iterable[Int64]) -> Int64:
     for part in parts:
         total = total + part
     return total
+
+
+def add_counts(total: dict[str, Int64], part: Mapping[str, Int64]) -> None:
+    """Add the counts of each quantity to a total."""
+    for quantity, counts in part.items():
+        total[quantity] = total[quantity] + counts if quantity in total else counts
 
 
 def histogram(counts: Int64) -> tuple[NDArray[np.float64], Int64, int]:

@@ -124,7 +124,7 @@ def keep_worst_locations(
         parts.append(TitledArrays.titled({named(group, "box"): (np.array(box), title)}))
     for location in locations[: max(beside, 0)]:
         for name, step in BESIDE.items():
-            neighbour = location_beside(location, step, spans, facts)
+            neighbour = _location_beside(location, step, spans, facts)
             if neighbour is None:
                 continue
             window = Window(neighbour.span, facts, source, Sampling())
@@ -217,7 +217,7 @@ def location_of(finding: Finding, spans: Sequence[Span], facts: Facts) -> WorstL
     )
 
 
-def location_beside(location: WorstLocation, step: int, spans: Sequence[Span], facts: Facts) -> WorstLocation | None:
+def _location_beside(location: WorstLocation, step: int, spans: Sequence[Span], facts: Facts) -> WorstLocation | None:
     """Return the location a number of frames later or earlier; None where there is no such frame or timestamp.
 
     If the finding names a field of flow, the field nearest to that frame is taken.

@@ -45,38 +45,100 @@ _Address = tuple[str, int]
 _SMALL_BYTES: Final = 64 << 10
 """Largest dataset of no stream that is copied. It is copied whole: no row of it belongs to a time."""
 
+Report = Callable[[str, int, int], None]
+"""Called with the piece that is tried, how many were tried before, and how many there are."""
 
-def entries_kept(index_map: IndexMap, rows: CutRows, events: CutRows, definition: str = "") -> NDArray[np.int64]:
-    """Return the entries that a piece has of an index map, which count from the first event of the piece.
 
-    The error of an entry (events) is preserved: a cut must not correct a wrong map.
+@dataclass(frozen=True, slots=True)
+class CheckFinding:
+    """A finding, and the check that found it."""
+
+    check: str
+    finding: Finding
+
+
+@dataclass(frozen=True, slots=True)
+class Extraction:
+    """What was written.
+
+    Attributes
+    ----------
+    kept
+        Rows by stream.
+    left_out
+        Datasets that belong to no stream and are too large to be copied whole, and what could not be read.
+    finding
+        The finding as the check of the piece reports it; None where it reports none.
+    """
+
+    kept: dict[str, CutRows]
+    left_out: tuple[str, ...]
+    finding: Finding | None
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every row of every stream was kept."""
+        return all(rows.start == 0 and rows.to_the_end for rows in self.kept.values())
+
+
+def extract(
+    source: Path, target: Path, wanted: CheckFinding, options: CheckOptions, longest_s: float, report: Report
+) -> Extraction:
+    """Write the shortest piece that shows a finding, or the longest that was tried where none does.
+
+    Pieces around the finding's place are written and checked, each with twice the margin of the one before, until the
+    check finds the same rule broken in the same stream. The target is written entirely or not at all.
 
     Parameters
     ----------
-    rows
-        The entries that are kept.
-    events
-        The events that are kept.
-    definition
-        By which the map was made (``conversions.MapDefinition``); empty for that of the layout.
+    options
+        How the finding was found; only the check that found it is run. Values from other files, where
+        ``allow_external`` names their folders, are written into the piece. The piece is checked without these files.
+    longest_s
+        Length of the longest piece to try; the first is tried whatever its length.
+
+    Raises
+    ------
+    MisuseError, UnreadableFileError
+        As ``open_sequence``.
     """
-    # A map with fewer entries than frames stays as short in the piece.
-    kept = slice(rows.start, min(rows.stop, len(index_map.expected_left)))
-    left, right = (
-        shift_entries(entries[kept], events) for entries in (index_map.expected_left, index_map.expected_right)
-    )
-    if definition == "nearest_event":
-        # Where the nearest event is not kept, the first or the last that is kept is the nearest.
-        correct = np.clip(index_map.correct[kept] - events.start, 0, max(events.stop - events.start - 1, 0))
-    else:
-        correct = entries_by_definition(definition, left, right, events.stop - events.start)
-    # entry = (correct entry in the piece) + (stored - expected): the error in events, unchanged by the cut.
-    return correct + (index_map.stored[kept] - index_map.expected_left[kept])
-
-
-def shift_entries(entries: NDArray[np.int64], events: CutRows) -> NDArray[np.int64]:
-    """Return correct entries as they count from the first event of the piece, limited to its number of events."""
-    return np.clip(entries - events.start, 0, events.stop - events.start)
+    folders = options.allow_external
+    # Without `allow_external`: the piece must show the finding by itself, on a machine that has no other files.
+    options = replace(options, select=(wanted.check,), ignore=(), evidence=None, canary=False, allow_external=())
+    with ExitStack() as opened:
+        sequence = opened.enter_context(open_sequence(source, options.dialect, allow_external=folders))
+        file = opened.enter_context(h5py.File(source.resolve() if folders else source, "r", locking="best-effort"))
+        external_files = opened.enter_context(closing(ExternalFiles(folders))) if folders else None
+        scanned = scan(sequence, window_length_ns(sequence))
+        cutter = Cutter(
+            file,
+            sequence,
+            scanned,
+            split_choice(options.dialect)[0] or detect_dialect(file, external_files),
+            external_files,
+        )
+        place = place_of(wanted.finding.where, wanted.check, scanned)
+        with replacing(target) as temporary:
+            pieces = tuple(pieces_around(place, round(longest_s * NS_PER_S)))
+            for number, piece in enumerate(pieces):
+                report(f"a piece of {(piece.stop_ns - piece.start_ns) / NS_PER_S:.3g} s", number, len(pieces))
+                kept, left_out = cutter.write(piece, temporary)
+                record = check_file(temporary, options).record
+                # The same rule, broken in the same stream. Place and size may differ: the piece has fewer rows, so that
+                # its worst place may be another.
+                same = (
+                    finding
+                    for result in record.results
+                    for finding in result.findings
+                    if result.check == wanted.check
+                    and finding.code == wanted.finding.code
+                    and wanted.finding.where.stream in {where.stream for where in finding.all_places}
+                )
+                extracted = Extraction(kept, left_out, next(same, None))
+                # A piece that holds all rows cannot grow.
+                if extracted.finding or extracted.is_whole:
+                    break
+            return extracted
 
 
 class Cutter:
@@ -169,7 +231,7 @@ class Cutter:
                 else:
                     with suppress(*READ_ERRORS):
                         stored = np.asarray(dataset[rows.start : _stop(rows, dataset)]).astype(np.int64)
-                        entries = shift_entries(stored, events)
+                        entries = _shift_entries(stored, events)
             # By address, not by path: a dataset may have several names, and the walk meets any of them first.
             cuts[_linked_address(dataset.file, dataset.name)] = _Cut(dataset, kept[stream], entries)
         with DeferredErrorFile(target, "the piece") as file:
@@ -277,97 +339,34 @@ class _Writer:
         self.written[address] = f"{copy.name.rstrip('/')}/{name}"
 
 
-Report = Callable[[str, int, int], None]
-"""Called with the piece that is tried, how many were tried before, and how many there are."""
+def entries_kept(index_map: IndexMap, rows: CutRows, events: CutRows, definition: str = "") -> NDArray[np.int64]:
+    """Return the entries that a piece has of an index map, which count from the first event of the piece.
 
-
-@dataclass(frozen=True, slots=True)
-class CheckFinding:
-    """A finding, and the check that found it."""
-
-    check: str
-    finding: Finding
-
-
-@dataclass(frozen=True, slots=True)
-class Extraction:
-    """What was written.
-
-    Attributes
-    ----------
-    kept
-        Rows by stream.
-    left_out
-        Datasets that belong to no stream and are too large to be copied whole, and what could not be read.
-    finding
-        The finding as the check of the piece reports it; None where it reports none.
-    """
-
-    kept: dict[str, CutRows]
-    left_out: tuple[str, ...]
-    finding: Finding | None
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether every row of every stream was kept."""
-        return all(rows.start == 0 and rows.to_the_end for rows in self.kept.values())
-
-
-def extract(
-    source: Path, target: Path, wanted: CheckFinding, options: CheckOptions, longest_s: float, report: Report
-) -> Extraction:
-    """Write the shortest piece that shows a finding, or the longest that was tried where none does.
-
-    Pieces around the finding's place are written and checked, each with twice the margin of the one before, until the
-    check finds the same rule broken in the same stream. The target is written entirely or not at all.
+    The error of an entry (events) is preserved: a cut must not correct a wrong map.
 
     Parameters
     ----------
-    options
-        How the finding was found; only the check that found it is run. Values from other files, where
-        ``allow_external`` names their folders, are written into the piece. The piece is checked without these files.
-    longest_s
-        Length of the longest piece to try; the first is tried whatever its length.
-
-    Raises
-    ------
-    MisuseError, UnreadableFileError
-        As ``open_sequence``.
+    rows
+        The entries that are kept.
+    events
+        The events that are kept.
+    definition
+        By which the map was made (``conversions.MapDefinition``); empty for that of the layout.
     """
-    folders = options.allow_external
-    # Without `allow_external`: the piece must show the finding by itself, on a machine that has no other files.
-    options = replace(options, select=(wanted.check,), ignore=(), evidence=None, canary=False, allow_external=())
-    with ExitStack() as opened:
-        sequence = opened.enter_context(open_sequence(source, options.dialect, allow_external=folders))
-        file = opened.enter_context(h5py.File(source.resolve() if folders else source, "r", locking="best-effort"))
-        external_files = opened.enter_context(closing(ExternalFiles(folders))) if folders else None
-        scanned = scan(sequence, window_length_ns(sequence))
-        cutter = Cutter(
-            file,
-            sequence,
-            scanned,
-            split_choice(options.dialect)[0] or detect_dialect(file, external_files),
-            external_files,
-        )
-        place = place_of(wanted.finding.where, wanted.check, scanned)
-        with replacing(target) as temporary:
-            pieces = tuple(pieces_around(place, round(longest_s * NS_PER_S)))
-            for number, piece in enumerate(pieces):
-                report(f"a piece of {(piece.stop_ns - piece.start_ns) / NS_PER_S:.3g} s", number, len(pieces))
-                kept, left_out = cutter.write(piece, temporary)
-                record = check_file(temporary, options).record
-                # The same rule, broken in the same stream. Place and size may differ: the piece has fewer rows, so that
-                # its worst place may be another.
-                same = (
-                    finding
-                    for result in record.results
-                    for finding in result.findings
-                    if result.check == wanted.check
-                    and finding.code == wanted.finding.code
-                    and wanted.finding.where.stream in {where.stream for where in finding.all_places}
-                )
-                extracted = Extraction(kept, left_out, next(same, None))
-                # A piece that holds all rows cannot grow.
-                if extracted.finding or extracted.is_whole:
-                    break
-            return extracted
+    # A map with fewer entries than frames stays as short in the piece.
+    kept = slice(rows.start, min(rows.stop, len(index_map.expected_left)))
+    left, right = (
+        _shift_entries(entries[kept], events) for entries in (index_map.expected_left, index_map.expected_right)
+    )
+    if definition == "nearest_event":
+        # Where the nearest event is not kept, the first or the last that is kept is the nearest.
+        correct = np.clip(index_map.correct[kept] - events.start, 0, max(events.stop - events.start - 1, 0))
+    else:
+        correct = entries_by_definition(definition, left, right, events.stop - events.start)
+    # entry = (correct entry in the piece) + (stored - expected): the error in events, unchanged by the cut.
+    return correct + (index_map.stored[kept] - index_map.expected_left[kept])
+
+
+def _shift_entries(entries: NDArray[np.int64], events: CutRows) -> NDArray[np.int64]:
+    """Return correct entries as they count from the first event of the piece, limited to its number of events."""
+    return np.clip(entries - events.start, 0, events.stop - events.start)

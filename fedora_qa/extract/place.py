@@ -16,12 +16,21 @@ from fedora_qa.record.types import Where
 from fedora_qa.sequence.scan import Runs, Scan
 from fedora_qa.sequence.sequence import SequenceRows
 
-SHORTEST_MARGIN_NS: Final = 200_000_000
+_SHORTEST_MARGIN_NS: Final = 200_000_000
 """One window, 0.2 s: the least time in which flow of 10, 25 and 50 Hz all complete whole intervals."""
 
 # 1 s, five windows: a piece holds the whole of a shorter place.
-_LONGEST_LOCAL_NS: Final = 5 * SHORTEST_MARGIN_NS
+_LONGEST_LOCAL_NS: Final = 5 * _SHORTEST_MARGIN_NS
 """A longer place is that of a lasting fault, which a part of the place may show."""
+
+MILLISECONDS: Final = spec_of(MS_TO_EVENT).stream
+"""The map from milliseconds to events. It has no timestamps, and its entries are no rows of a stream."""
+
+_ANOTHER_UNIT: Final = 100
+"""Ratio of durations from which two streams are of different units.
+
+Units differ by 1000; a stream that ends early, or a clock reset, rarely changes a duration by 100.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +68,7 @@ def place_of(where: Where, check: str, scanned: Scan) -> FindingPlace:
     A finding that names no time concerns the whole file, and any segment may show it: pieces then lie around the window
     with most events. Faults of the layout show at the end, where rows are missing.
     """
-    first, last = shared_time_ns(scanned)
+    first, last = _shared_time_ns(scanned)
     # Stream, first row, and the row after the last.
     rows: tuple[str, int, int] | None = None
     if where.stream is not None and where.index_start is not None:
@@ -97,14 +106,14 @@ def pieces_around(place: FindingPlace, longest_ns: int) -> Iterator[Piece]:
     local = place.stop_ns - place.start_ns <= _LONGEST_LOCAL_NS
     start, stop = (place.start_ns, place.stop_ns) if local else (place.centre_ns, place.centre_ns)
     rows = place.rows if local or place.rows is None else (place.rows[0], place.rows[1], place.rows[1] + 1)
-    margin = SHORTEST_MARGIN_NS
+    margin = _SHORTEST_MARGIN_NS
     # The first piece has no bound: with a small limit there would be none at all.
-    while margin == SHORTEST_MARGIN_NS or stop - start + 2 * margin <= longest_ns:
+    while margin == _SHORTEST_MARGIN_NS or stop - start + 2 * margin <= longest_ns:
         yield Piece(start - margin, stop + margin, rows)
         margin *= 2
 
 
-def shared_time_ns(scanned: Scan) -> tuple[int, int]:
+def _shared_time_ns(scanned: Scan) -> tuple[int, int]:
     """Return the time that most streams share, ns from the origin; one stream with a wrong clock does not change it."""
     facts = scanned.facts
     spans = []
@@ -151,16 +160,6 @@ def _from_origin_ns(time_us: float, scanned: Scan) -> int:
     return round((time_us - scanned.facts.origin_us) * NS_PER_US)
 
 
-MILLISECONDS: Final = spec_of(MS_TO_EVENT).stream
-"""The map from milliseconds to events. It has no timestamps, and its entries are no rows of a stream."""
-
-_ANOTHER_UNIT: Final = 100
-"""Ratio of durations from which two streams are of different units.
-
-Units differ by 1000; a stream that ends early, or a clock reset, rarely changes a duration by 100.
-"""
-
-
 @dataclass(frozen=True, slots=True)
 class CutRows:
     """Rows of a stream of ``of`` rows. Where they reach its end, its longer datasets are copied to their own ends."""
@@ -189,7 +188,7 @@ def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mappi
     """
     kept: dict[str, CutRows] = {}
     events = scanned.facts.events
-    first_ns, last_ns = shared_time_ns(scanned)
+    first_ns, last_ns = _shared_time_ns(scanned)
     length_ns = max(last_ns - first_ns, 1)
     for stream, count in counts.items():
         if stream in {*FRAMES_OF_MAP, MILLISECONDS}:

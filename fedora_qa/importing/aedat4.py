@@ -27,85 +27,6 @@ from fedora_qa.importing.recording import Block, Recording, Resolution, event_bl
 _HEAD: Final = 8
 """Bytes of the offset of the root and of the identifier."""
 
-
-class MalformedBufferError(Exception):
-    """An offset or a length leads out of the buffer."""
-
-
-def identifier(buffer: bytes) -> bytes:
-    """Return the four characters that identify the type of a buffer."""
-    return buffer[4:_HEAD]
-
-
-@dataclass(frozen=True, slots=True)
-class FlatTable:
-    """A table within a buffer.
-
-    Attributes
-    ----------
-    buffer
-        All bytes.
-    start
-        Where the table begins.
-    """
-
-    buffer: bytes
-    start: int
-
-    @classmethod
-    def root(cls, buffer: bytes) -> "FlatTable":
-        """Return the root table of a buffer."""
-        return cls(buffer, _unpack("<I", buffer, 0))
-
-    def place(self, field: int) -> int | None:
-        """Return where a field lies; None where it has its default."""
-        vtable = self.start - _unpack("<i", self.buffer, self.start)
-        # The vtable begins with its own size and that of the table.
-        if 4 + 2 * field + 2 > _unpack("<H", self.buffer, vtable):
-            return None
-        offset = _unpack("<H", self.buffer, vtable + 4 + 2 * field)
-        return self.start + offset if offset else None
-
-    def number(self, field: int, form: str, default: int | float = 0) -> int | float:
-        """Return a number; ``form`` is that of ``struct``, such as ``<q``."""
-        place = self.place(field)
-        return default if place is None else _unpack(form, self.buffer, place)
-
-    def integer(self, field: int, form: str, default: int = 0) -> int:
-        """Return a whole number."""
-        return int(self.number(field, form, default))
-
-    def vector(self, field: int, item_bytes: int) -> tuple[int, int]:
-        """Return where the items of a vector begin, and how many there are; all of them lie in the buffer."""
-        place = self.place(field)
-        if place is None:
-            return 0, 0
-        vector = place + _unpack("<I", self.buffer, place)
-        count = _unpack("<I", self.buffer, vector)
-        if vector + 4 + count * item_bytes > len(self.buffer):
-            raise MalformedBufferError(f"a list of {count} items that ends beyond its {len(self.buffer)} bytes")
-        return vector + 4, count
-
-    def text(self, field: int) -> str:
-        """Return a text, empty where there is none."""
-        start, count = self.vector(field, 1)
-        return self.buffer[start : start + count].decode("utf-8", "replace")
-
-    def tables(self, field: int) -> list["FlatTable"]:
-        """Return the tables of a vector of tables."""
-        start, count = self.vector(field, 4)
-        places = range(start, start + 4 * count, 4)
-        return [FlatTable(self.buffer, place + _unpack("<I", self.buffer, place)) for place in places]
-
-
-def _unpack(form: str, buffer: bytes, place: int) -> int:
-    # A negative place would count from the end.
-    if place < 0 or place + struct.calcsize(form) > len(buffer):
-        raise MalformedBufferError(f"an offset of {place} in {len(buffer)} bytes")
-    number: int = struct.unpack_from(form, buffer, place)[0]
-    return number
-
-
 MAGIC: Final = b"#!AER-DAT4.0\r\n"
 
 _LARGEST_HEADER_BYTES: Final = 16 << 20
@@ -142,7 +63,7 @@ _STREAM_OF_TYPE: Final = {"EVTS": "events", "FRME": "rgb", "IMUS": "imu"}
 
 
 @dataclass(frozen=True, slots=True)
-class StreamInfo:
+class _StreamInfo:
     """What the header states of a stream: the identifier of its packets, and the size of its images, if any."""
 
     kind: str
@@ -169,11 +90,11 @@ def open_aedat4(path: Path, resolution: Resolution | None) -> Iterator[Recording
     with path.open("rb") as file:
         file.seek(len(MAGIC))
         try:
-            header = FlatTable.root(_sized(file, _LARGEST_HEADER_BYTES))
+            header = _FlatTable.root(_sized(file, _LARGEST_HEADER_BYTES))
             compression = header.integer(_COMPRESSION, "<i")
             table_place = header.integer(_TABLE_PLACE, "<q", -1)
             streams = _streams(header.text(_INFO))
-        except (MalformedBufferError, ET.ParseError) as error:
+        except (_MalformedBufferError, ET.ParseError) as error:
             raise MisuseError(f"Expected the header of AEDAT 4.0, got: {error}: {path}; copy it again") from error
         if compression not in {_PLAIN, *_LZ4, *_ZSTD}:
             raise MisuseError(f"Expected compression 0 to 4 in the header, got {compression}: {path}; copy it again")
@@ -212,7 +133,7 @@ def open_aedat4(path: Path, resolution: Resolution | None) -> Iterator[Recording
         yield recording
 
 
-def _streams(info: str) -> dict[int, StreamInfo]:
+def _streams(info: str) -> dict[int, _StreamInfo]:
     """Return what the header states of each stream, by number; raises ``ET.ParseError``."""
     if "<!" in info.replace("<!--", ""):
         raise ET.ParseError("a definition of entities in its XML")
@@ -226,7 +147,7 @@ def _streams(info: str) -> dict[int, StreamInfo]:
             sides = [_attribute(details, name) for name in ("sizeX", "sizeY")] if details is not None else []
             size = (int(sides[0]), int(sides[1])) if len(sides) == 2 and all(map(_is_size, sides)) else None
             if number.isdecimal():
-                streams[int(number)] = StreamInfo(kind, size)
+                streams[int(number)] = _StreamInfo(kind, size)
     return streams
 
 
@@ -238,13 +159,91 @@ def _is_size(text: str) -> bool:
     return text.isdecimal() and 0 < int(text) < 1 << 15
 
 
+class _MalformedBufferError(Exception):
+    """An offset or a length leads out of the buffer."""
+
+
+@dataclass(frozen=True, slots=True)
+class _FlatTable:
+    """A table within a buffer.
+
+    Attributes
+    ----------
+    buffer
+        All bytes.
+    start
+        Where the table begins.
+    """
+
+    buffer: bytes
+    start: int
+
+    @classmethod
+    def root(cls, buffer: bytes) -> "_FlatTable":
+        """Return the root table of a buffer."""
+        return cls(buffer, _unpack("<I", buffer, 0))
+
+    def place(self, field: int) -> int | None:
+        """Return where a field lies; None where it has its default."""
+        vtable = self.start - _unpack("<i", self.buffer, self.start)
+        # The vtable begins with its own size and that of the table.
+        if 4 + 2 * field + 2 > _unpack("<H", self.buffer, vtable):
+            return None
+        offset = _unpack("<H", self.buffer, vtable + 4 + 2 * field)
+        return self.start + offset if offset else None
+
+    def number(self, field: int, form: str, default: int | float = 0) -> int | float:
+        """Return a number; ``form`` is that of ``struct``, such as ``<q``."""
+        place = self.place(field)
+        return default if place is None else _unpack(form, self.buffer, place)
+
+    def integer(self, field: int, form: str, default: int = 0) -> int:
+        """Return a whole number."""
+        return int(self.number(field, form, default))
+
+    def vector(self, field: int, item_bytes: int) -> tuple[int, int]:
+        """Return where the items of a vector begin, and how many there are; all of them lie in the buffer."""
+        place = self.place(field)
+        if place is None:
+            return 0, 0
+        vector = place + _unpack("<I", self.buffer, place)
+        count = _unpack("<I", self.buffer, vector)
+        if vector + 4 + count * item_bytes > len(self.buffer):
+            raise _MalformedBufferError(f"a list of {count} items that ends beyond its {len(self.buffer)} bytes")
+        return vector + 4, count
+
+    def text(self, field: int) -> str:
+        """Return a text, empty where there is none."""
+        start, count = self.vector(field, 1)
+        return self.buffer[start : start + count].decode("utf-8", "replace")
+
+    def tables(self, field: int) -> list["_FlatTable"]:
+        """Return the tables of a vector of tables."""
+        start, count = self.vector(field, 4)
+        places = range(start, start + 4 * count, 4)
+        return [_FlatTable(self.buffer, place + _unpack("<I", self.buffer, place)) for place in places]
+
+
+def _unpack(form: str, buffer: bytes, place: int) -> int:
+    # A negative place would count from the end.
+    if place < 0 or place + struct.calcsize(form) > len(buffer):
+        raise _MalformedBufferError(f"an offset of {place} in {len(buffer)} bytes")
+    number: int = struct.unpack_from(form, buffer, place)[0]
+    return number
+
+
+def _identifier(buffer: bytes) -> bytes:
+    """Return the four characters that identify the type of a buffer."""
+    return buffer[4:_HEAD]
+
+
 def _sized(file: BinaryIO, most: int) -> bytes:
     """Read a buffer behind its size."""
     head = file.read(4)
     size = struct.unpack("<I", head)[0] if len(head) == 4 else 0
     data = file.read(size) if 0 < size <= most else b""
     if not data or len(data) < size:
-        raise MalformedBufferError(f"a size of {size} bytes, of which {len(data)} are there")
+        raise _MalformedBufferError(f"a size of {size} bytes, of which {len(data)} are there")
     return data
 
 
@@ -268,7 +267,7 @@ def _blocks(file: BinaryIO, recording: Recording, numbers: Mapping[int, str], co
             continue
         try:
             yield from _rows(_plain(content, compression), numbers[number], recording)
-        except (MalformedBufferError, DamagedPacketError) as error:
+        except (_MalformedBufferError, DamagedPacketError) as error:
             raise MisuseError(f"Expected a whole packet at byte {start}, got: {error}; copy it again") from error
 
 
@@ -280,17 +279,19 @@ def _plain(content: bytes, compression: int) -> bytes:
         content = zstd_frame(content)
     size = struct.unpack_from("<I", content)[0] if len(content) >= 4 else 0
     if size != len(content) - 4:
-        raise MalformedBufferError(f"a buffer of {len(content)} bytes that states {size}, without the four of its size")
+        raise _MalformedBufferError(
+            f"a buffer of {len(content)} bytes that states {size}, without the four of its size"
+        )
     return content[4:]
 
 
 def _rows(buffer: bytes, kind: str, recording: Recording) -> Iterator[Block]:
-    if identifier(buffer) != kind.encode():
-        raise MalformedBufferError(f"the type {identifier(buffer)!r} in a stream of {kind}")
-    yield from _ROWS_OF_TYPE[kind](FlatTable.root(buffer), recording)
+    if _identifier(buffer) != kind.encode():
+        raise _MalformedBufferError(f"the type {_identifier(buffer)!r} in a stream of {kind}")
+    yield from _ROWS_OF_TYPE[kind](_FlatTable.root(buffer), recording)
 
 
-def _events(packet: FlatTable, _recording: Recording) -> Iterator[Block]:
+def _events(packet: _FlatTable, _recording: Recording) -> Iterator[Block]:
     start, count = packet.vector(0, _EVENT.itemsize)
     events = np.frombuffer(packet.buffer, _EVENT, count, start)
     if count:
@@ -303,15 +304,15 @@ def _events(packet: FlatTable, _recording: Recording) -> Iterator[Block]:
         )
 
 
-def _frame(frame: FlatTable, recording: Recording) -> Iterator[Block]:
+def _frame(frame: _FlatTable, recording: Recording) -> Iterator[Block]:
     width, height = frame.integer(_WIDTH, "<h"), frame.integer(_HEIGHT, "<h")
     code = frame.integer(_FORMAT, "<b")
     start, count = frame.vector(_PIXELS, 1)
     if code not in _CHANNELS:
-        raise MalformedBufferError(f"a frame of the format {code}, where grey, BGR and BGRA are {list(_CHANNELS)}")
+        raise _MalformedBufferError(f"a frame of the format {code}, where grey, BGR and BGRA are {list(_CHANNELS)}")
     channels, rgb = _CHANNELS[code]
     if width <= 0 or height <= 0 or count != width * height * channels:
-        raise MalformedBufferError(f"a frame of {width} x {height} x {channels} with {count} bytes")
+        raise _MalformedBufferError(f"a frame of {width} x {height} x {channels} with {count} bytes")
     pixels = np.frombuffer(frame.buffer, np.uint8, count, start).reshape(1, height, width, channels)
     time_us = frame.integer(_TIME, "<q")
     opened, closed = frame.integer(_EXPOSURE_START, "<q"), frame.integer(_EXPOSURE_END, "<q")
@@ -321,7 +322,7 @@ def _frame(frame: FlatTable, recording: Recording) -> Iterator[Block]:
     yield Block({"path/rgb": np.ascontiguousarray(pixels[..., rgb]), "path/rgb_ts": np.array([middle_us], np.int64)})
 
 
-def _imu(packet: FlatTable, _recording: Recording) -> Iterator[Block]:
+def _imu(packet: _FlatTable, _recording: Recording) -> Iterator[Block]:
     samples = packet.tables(0)
 
     def column(fields: tuple[int, int, int]) -> NDArray[np.float64]:
@@ -338,7 +339,7 @@ def _imu(packet: FlatTable, _recording: Recording) -> Iterator[Block]:
         )
 
 
-_ROWS_OF_TYPE: Final[Mapping[str, Callable[[FlatTable, Recording], Iterator[Block]]]] = {
+_ROWS_OF_TYPE: Final[Mapping[str, Callable[[_FlatTable, Recording], Iterator[Block]]]] = {
     "EVTS": _events,
     "FRME": _frame,
     "IMUS": _imu,

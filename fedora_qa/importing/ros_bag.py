@@ -26,7 +26,6 @@ from fedora_qa.importing.ros_messages import (
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader
 
-
 TopicMap = Mapping[str, tuple[str, ...]]
 """By stream: topics, of which the first that the bag has is read."""
 
@@ -45,42 +44,6 @@ DEFAULT_TOPICS: Final[TopicMap] = MappingProxyType(
     }
 )  # fmt: skip
 """The paper prints no names of topics: these are the names that the packages of its route use, and some others."""
-
-
-def load_topics(path: Path) -> TopicMap:
-    """Read a map from a TOML file with a table ``[topics]``: ``events = "/dvs/events"``, or a list of topics.
-
-    Raises
-    ------
-    MisuseError
-        There is no such file, it is not TOML, or it names other streams or no topics.
-    """
-    try:
-        document = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise MisuseError(f"Expected topics in a TOML file, got {path}: {error}; give another file") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise MisuseError(f"Expected {path} to be TOML, got: {error}; correct it") from error
-    topics = document.get("topics")
-    if set(document) != {"topics"} or not isinstance(topics, dict) or not topics:
-        raise MisuseError(f"Expected one table [topics] in {path}, got {', '.join(document) or 'none'}; write it")
-    streams = ", ".join(DEFAULT_TOPICS)
-    chosen: dict[str, tuple[str, ...]] = {}
-    for stream, names in topics.items():
-        listed = [names] if isinstance(names, str) else names
-        if stream not in DEFAULT_TOPICS:
-            raise MisuseError(f"Expected a stream ({streams}) in {path}, got {stream!r}; correct it")
-        if not isinstance(listed, list) or not listed or not all(isinstance(name, str) for name in listed):
-            raise MisuseError(f"Expected a topic or a list of topics for {stream} in {path}, got {names!r}; correct it")
-        chosen[stream] = tuple(listed)
-    return chosen
-
-
-def choose_topics(topics: TopicMap, present: Collection[str]) -> dict[str, str]:
-    """Return the topic of each stream that a bag has."""
-    chosen = {stream: next((name for name in names if name in present), "") for stream, names in topics.items()}
-    return {stream: name for stream, name in chosen.items() if name}
-
 
 _TOPICS_SHOWN = 8
 
@@ -119,7 +82,9 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
                 bag = _Ros1(opened.enter_context(Ros1Bag(path)))
             else:
                 bag = _Ros2(opened.enter_context(Reader(path)))
-        chosen = choose_topics(topics or DEFAULT_TOPICS, bag.types)
+        usual = topics or DEFAULT_TOPICS
+        present = {stream: next((name for name in names if name in bag.types), "") for stream, names in usual.items()}
+        chosen = {stream: name for stream, name in present.items() if name}
         if not chosen:
             names = sorted(bag.types)
             more = f" and {len(names) - _TOPICS_SHOWN} more" if len(names) > _TOPICS_SHOWN else ""
@@ -144,6 +109,35 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
         )
         recording.blocks = _blocks(path, bag, streams, recording)
         yield recording
+
+
+def load_topics(path: Path) -> TopicMap:
+    """Read a map from a TOML file with a table ``[topics]``: ``events = "/dvs/events"``, or a list of topics.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it is not TOML, or it names other streams or no topics.
+    """
+    try:
+        document = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise MisuseError(f"Expected topics in a TOML file, got {path}: {error}; give another file") from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise MisuseError(f"Expected {path} to be TOML, got: {error}; correct it") from error
+    topics = document.get("topics")
+    if set(document) != {"topics"} or not isinstance(topics, dict) or not topics:
+        raise MisuseError(f"Expected one table [topics] in {path}, got {', '.join(document) or 'none'}; write it")
+    streams = ", ".join(DEFAULT_TOPICS)
+    chosen: dict[str, tuple[str, ...]] = {}
+    for stream, names in topics.items():
+        listed = [names] if isinstance(names, str) else names
+        if stream not in DEFAULT_TOPICS:
+            raise MisuseError(f"Expected a stream ({streams}) in {path}, got {stream!r}; correct it")
+        if not isinstance(listed, list) or not listed or not all(isinstance(name, str) for name in listed):
+            raise MisuseError(f"Expected a topic or a list of topics for {stream} in {path}, got {names!r}; correct it")
+        chosen[stream] = tuple(listed)
+    return chosen
 
 
 class _Bag(Protocol):

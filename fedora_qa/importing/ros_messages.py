@@ -38,15 +38,22 @@ _DEPTHS: Final[Mapping[str, tuple[str, float]]] = {
 """By encoding: stored type, and millimetres in its unit."""
 
 # An event in ROS 1 is packed; in CDR of ROS 2 each member lies at a multiple of its own size.
-_PACKED: Final = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
-_CDR_BYTES: Final = 16
+_PACKED_EVENT: Final = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
+_CDR_EVENT_BYTES: Final = 16
+
+_IMAGE: Final = frozenset({"sensor_msgs/msg/Image"})
+
+EVENT_PACKETS: Final = frozenset({"event_camera_msgs/msg/EventPacket"})
+
+LOST_PACKETS: Final = "packets that are missing by their numbers"
+_PACKET_ENCODING: Final = "evt3"
 
 
 class UnreadableMessageError(Exception):
     """A message is not as its type has it, or of a form that is not read; the text completes "got"."""
 
 
-def header_time_us(header: Any) -> int:
+def _header_time_us(header: Any) -> int:
     """Return the time of a header in whole us, rounded down, as all times are: their order stays."""
     return int(header.stamp.sec) * (NS_PER_S // NS_PER_US) + int(header.stamp.nanosec) // NS_PER_US
 
@@ -70,18 +77,18 @@ def event_array(raw: bytes | memoryview, *, is_cdr: bool) -> tuple[Block | None,
         if not count:
             return None, (int(width), int(height))
         if not is_cdr:
-            events = np.frombuffer(raw, _PACKED, count, first)
+            events = np.frombuffer(raw, _PACKED_EVENT, count, first)
             x, y, seconds, nanoseconds, p = (events[name] for name in ("x", "y", "s", "ns", "p"))
         else:
             # The first event begins at a multiple of four; each ends with one byte, so that the next x lies two bytes
             # behind the last one's end, and its time at the next multiple of four.
-            times = np.ndarray((count, 2), "<u4", raw, first + 4, (_CDR_BYTES, 4))
+            times = np.ndarray((count, 2), "<u4", raw, first + 4, (_CDR_EVENT_BYTES, 4))
             seconds, nanoseconds = times[:, 0], times[:, 1]
-            p = np.ndarray((count,), "u1", raw, first + 12, (_CDR_BYTES,))
+            p = np.ndarray((count,), "u1", raw, first + 12, (_CDR_EVENT_BYTES,))
             x, y = np.empty(count, np.uint16), np.empty(count, np.uint16)
             x[0], y[0] = struct.unpack_from("<HH", raw, first)
             if count > 1:
-                later = np.ndarray((count - 1, 2), "<u2", raw, first + 14, (_CDR_BYTES, 2))
+                later = np.ndarray((count - 1, 2), "<u2", raw, first + 14, (_CDR_EVENT_BYTES, 2))
                 x[1:], y[1:] = later[:, 0], later[:, 1]
     except (struct.error, ValueError, TypeError) as error:
         raise UnreadableMessageError(f"an array of events that ends too early ({error})") from error
@@ -89,7 +96,7 @@ def event_array(raw: bytes | memoryview, *, is_cdr: bool) -> tuple[Block | None,
     return event_block(x, y, t_us, p != 0), (int(width), int(height))
 
 
-def colour_block(message: Any) -> Block:
+def _colour_block(message: Any) -> Block:
     """Return a frame of ``sensor_msgs/Image`` as R, G, B."""
     encoding = str(message.encoding)
     if encoding not in _COLOURS:
@@ -99,12 +106,12 @@ def colour_block(message: Any) -> Block:
     return Block(
         {
             "path/rgb": np.ascontiguousarray(pixels[np.newaxis][..., list(rgb)]),
-            "path/rgb_ts": np.array([header_time_us(message.header)], np.int64),
+            "path/rgb_ts": np.array([_header_time_us(message.header)], np.int64),
         }
     )
 
 
-def depth_block(message: Any) -> Block:
+def _depth_block(message: Any) -> Block:
     """Return a frame of ``sensor_msgs/Image`` in mm; what is not finite, or not above 0, is invalid."""
     encoding = str(message.encoding)
     if encoding not in _DEPTHS:
@@ -114,22 +121,22 @@ def depth_block(message: Any) -> Block:
     is_valid = np.isfinite(stored) & (stored > 0)
     depth_mm = np.where(is_valid, stored * np.float32(mm_per_unit), np.float32(np.nan))
     return Block(
-        {"path/depth": depth_mm[np.newaxis], "path/depth_ts": np.array([header_time_us(message.header)], np.int64)}
+        {"path/depth": depth_mm[np.newaxis], "path/depth_ts": np.array([_header_time_us(message.header)], np.int64)}
     )
 
 
-def imu_block(message: Any) -> Block:
+def _imu_block(message: Any) -> Block:
     """Return a sample of ``sensor_msgs/Imu``."""
     return Block(
         {
             "path/imu/angular_velocity": _vector(message.angular_velocity, "xyz"),
             "path/imu/linear_acceleration": _vector(message.linear_acceleration, "xyz"),
-            "path/imu/ts": np.array([header_time_us(message.header)], np.int64),
+            "path/imu/ts": np.array([_header_time_us(message.header)], np.int64),
         }
     )
 
 
-def pose_block(message: Any) -> Block:
+def _pose_block(message: Any) -> Block:
     """Return a pose of ``PoseStamped``, ``PoseWithCovarianceStamped``, ``Odometry`` or ``TransformStamped``."""
     pose = message.transform if hasattr(message, "transform") else message.pose
     pose = getattr(pose, "pose", pose)  # beside its covariance
@@ -140,17 +147,15 @@ def pose_block(message: Any) -> Block:
         {
             "path/pose/position": _vector(position, "xyz"),
             "path/pose/orientation": _vector(orientation, "xyzw"),
-            "path/pose/ts": np.array([header_time_us(message.header)], np.int64),
+            "path/pose/ts": np.array([_header_time_us(message.header)], np.int64),
         }
     )
 
 
-_IMAGE: Final = frozenset({"sensor_msgs/msg/Image"})
-
 READERS: Final[Mapping[str, tuple[frozenset[str], Callable[[Any], Block]]]] = {
-    "rgb": (_IMAGE, colour_block),
-    "depth": (_IMAGE, depth_block),
-    "imu": (frozenset({"sensor_msgs/msg/Imu"}), imu_block),
+    "rgb": (_IMAGE, _colour_block),
+    "depth": (_IMAGE, _depth_block),
+    "imu": (frozenset({"sensor_msgs/msg/Imu"}), _imu_block),
     "pose": (
         frozenset(
             {
@@ -158,7 +163,7 @@ READERS: Final[Mapping[str, tuple[frozenset[str], Callable[[Any], Block]]]] = {
                 "geometry_msgs/msg/TransformStamped", "nav_msgs/msg/Odometry",
             }
         ),
-        pose_block,
+        _pose_block,
     ),
 }  # fmt: skip
 """By stream: the types of messages that are read, and what reads them. Events are read from their bytes."""
@@ -177,12 +182,6 @@ def _pixels(message: Any, item: np.dtype[Any], channels: int) -> NDArray[Any]:
 
 def _vector(members: Any, names: str) -> NDArray[np.float64]:
     return np.array([[getattr(members, name) for name in names]], np.float64)
-
-
-EVENT_PACKETS: Final = frozenset({"event_camera_msgs/msg/EventPacket"})
-
-LOST_PACKETS: Final = "packets that are missing by their numbers"
-_ENCODING: Final = "evt3"
 
 
 class EventPackets:
@@ -215,8 +214,8 @@ class EventPackets:
             stamp_us, size, number, encoding, data = self._fields(memoryview(raw))
         except (struct.error, ValueError, TypeError) as error:
             raise UnreadableMessageError(f"a packet of events that ends too early ({error})") from error
-        if encoding != _ENCODING:
-            raise UnreadableMessageError(f"events in the encoding {encoding!r}, where {_ENCODING} is read")
+        if encoding != _PACKET_ENCODING:
+            raise UnreadableMessageError(f"events in the encoding {encoding!r}, where {_PACKET_ENCODING} is read")
         if len(data) % 2:
             raise UnreadableMessageError(f"a packet of {len(data)} bytes, where words have two")
         lost = number - (number if self._next_number is None else self._next_number)

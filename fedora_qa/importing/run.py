@@ -15,9 +15,11 @@ import h5py
 
 from fedora_qa import __version__
 from fedora_qa.errors import MisuseError
+from fedora_qa.importing.aedat4 import MAGIC as AEDAT4_MAGIC
 from fedora_qa.importing.aedat4 import open_aedat4
 from fedora_qa.importing.prophesee import open_prophesee
 from fedora_qa.importing.recording import Kind, Recording, Resolution
+from fedora_qa.importing.ros1_bag import MAGIC as ROS1_MAGIC
 from fedora_qa.importing.ros_bag import TopicMap, open_bag
 from fedora_qa.importing.sequence_writer import SequenceWriter, present_streams
 from fedora_qa.layout.create import DeferredErrorFile
@@ -28,68 +30,28 @@ from fedora_qa.storage.signature import OTHER_FORMATS
 
 RecordingForm = Literal["prophesee", "aedat4", "bag"]
 
-READABLE: Final = "a recording (Prophesee EVT2, EVT3 or DAT, AEDAT 4.0, or a ROS bag)"
+_READABLE: Final = "a recording (Prophesee EVT2, EVT3 or DAT, AEDAT 4.0, or a ROS bag)"
 """What can be brought in, in words."""
+
+_MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
+_SQLITE_MAGIC: Final = b"SQLite format 3\0"
 
 _BEGINNINGS: Final[tuple[tuple[bytes, RecordingForm], ...]] = (
     (b"% ", "prophesee"),
-    (b"#!AER-DAT4.0\r\n", "aedat4"),
-    (b"#ROSBAG V2.0\n", "bag"),
-    (b"\x89MCAP0\r\n", "bag"),
-    (b"SQLite format 3\0", "bag"),
+    (AEDAT4_MAGIC, "aedat4"),
+    (ROS1_MAGIC, "bag"),
+    (_MCAP_MAGIC, "bag"),
+    (_SQLITE_MAGIC, "bag"),
 )
 
 _BAG_METADATA: Final = "metadata.yaml"
 """File that makes a folder a bag of ROS 2."""
 
-_BAG_ENDINGS: Final = {b"#ROSBAG V2.0\n": ".bag", b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\0": ".db3"}
+_BAG_ENDINGS: Final = {ROS1_MAGIC: ".bag", _MCAP_MAGIC: ".mcap", _SQLITE_MAGIC: ".db3"}
 """The package ``rosbags`` chooses the format by the name."""
 
-_LONGEST: Final = 16
-
-
-def recognise(path: Path) -> RecordingForm:
-    """Return the form of a recording.
-
-    Raises
-    ------
-    MisuseError
-        There is no such file, it cannot be read, or it begins like no recording that can be brought in.
-    """
-    if not path.exists():
-        raise MisuseError(f"Expected {READABLE}, got a path that does not exist: {path}")
-    if (path / _BAG_METADATA).is_file():
-        return "bag"
-    if not path.is_file():
-        raise MisuseError(
-            f"Expected {READABLE}, got a folder without {_BAG_METADATA}, or a device: {path}; give the file"
-        )
-    try:
-        with path.open("rb") as file:
-            start = file.read(_LONGEST)
-    except OSError as error:
-        raise MisuseError(f"Expected a readable file, got {error.strerror or error}: {path}") from error
-    for beginning, form in _BEGINNINGS:
-        if start.startswith(beginning):
-            ending = _BAG_ENDINGS.get(beginning)
-            if ending and path.suffix != ending:
-                raise MisuseError(f"Expected a bag of this format to be named *{ending}, got {path}; rename it")
-            return form
-    if not start:
-        raise MisuseError(f"Expected {READABLE}, got an empty file: {path}; record or copy it again")
-    if start.startswith(b"\x89HDF"):
-        raise MisuseError(
-            f"Expected {READABLE}, got an HDF5 file: {path}; check it as it is, or draft a dialect with "
-            f"fedora-qa layout {path} --draft-dialect mine.toml"
-        )
-    version = re.match(rb"#!AER-DAT([0-9.]+)", start)
-    if version:
-        raise MisuseError(
-            f"Expected AEDAT 4.0, got AEDAT {version[1].decode()}: {path}; convert it to 4.0 with iniVation's software"
-        )
-    other = next((words for beginning, words in OTHER_FORMATS if start.startswith(beginning)), "something else")
-    raise MisuseError(f"Expected {READABLE}, got {other} (by its first bytes): {path}; give the recording itself")
-
+_START_BYTES: Final = 16
+"""Bytes by which a form is recognised."""
 
 PROVENANCE: Final = "provenance/import"
 """Text of an imported file: JSON with the source, its format, the tool and what was counted."""
@@ -167,7 +129,7 @@ def import_recording(source: Path, target: Path, options: ImportOptions, report:
     with DeferredErrorFile(target, "the sequence") as file:
         with (
             h5py.File(file, "w") as sequence,
-            open_recording(source, options) as recording,
+            _open_recording(source, options) as recording,
             ChunkWriter(options.threads) as chunks,
             ThreadPoolExecutor(1) as beside,
         ):
@@ -201,7 +163,7 @@ def import_recording(source: Path, target: Path, options: ImportOptions, report:
     return Imported(recording.format, rows, recording.facts)
 
 
-def open_recording(source: Path, options: ImportOptions) -> AbstractContextManager[Recording]:
+def _open_recording(source: Path, options: ImportOptions) -> AbstractContextManager[Recording]:
     """Open a recording of any format; raises ``MisuseError`` where it cannot be read."""
     openers: Mapping[RecordingForm, Callable[[Path, Resolution | None], AbstractContextManager[Recording]]] = {
         "prophesee": open_prophesee,
@@ -225,3 +187,46 @@ def _provenance(name: str, digest: Digest, recording: Recording, rows: dict[str,
         "rows": rows,
         "facts": recording.facts,
     }
+
+
+def recognise(path: Path) -> RecordingForm:
+    """Return the form of a recording.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it cannot be read, or it begins like no recording that can be brought in.
+    """
+    if not path.exists():
+        raise MisuseError(f"Expected {_READABLE}, got a path that does not exist: {path}")
+    if (path / _BAG_METADATA).is_file():
+        return "bag"
+    if not path.is_file():
+        raise MisuseError(
+            f"Expected {_READABLE}, got a folder without {_BAG_METADATA}, or a device: {path}; give the file"
+        )
+    try:
+        with path.open("rb") as file:
+            start = file.read(_START_BYTES)
+    except OSError as error:
+        raise MisuseError(f"Expected a readable file, got {error.strerror or error}: {path}") from error
+    for beginning, form in _BEGINNINGS:
+        if start.startswith(beginning):
+            ending = _BAG_ENDINGS.get(beginning)
+            if ending and path.suffix != ending:
+                raise MisuseError(f"Expected a bag of this format to be named *{ending}, got {path}; rename it")
+            return form
+    if not start:
+        raise MisuseError(f"Expected {_READABLE}, got an empty file: {path}; record or copy it again")
+    if start.startswith(b"\x89HDF"):
+        raise MisuseError(
+            f"Expected {_READABLE}, got an HDF5 file: {path}; check it as it is, or draft a dialect with "
+            f"fedora-qa layout {path} --draft-dialect mine.toml"
+        )
+    version = re.match(rb"#!AER-DAT([0-9.]+)", start)
+    if version:
+        raise MisuseError(
+            f"Expected AEDAT 4.0, got AEDAT {version[1].decode()}: {path}; convert it to 4.0 with iniVation's software"
+        )
+    other = next((words for beginning, words in OTHER_FORMATS if start.startswith(beginning)), "something else")
+    raise MisuseError(f"Expected {_READABLE}, got {other} (by its first bytes): {path}; give the recording itself")

@@ -15,12 +15,11 @@ from fedora_qa.layout.canonical import spec_of
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-
-LEVEL: Final = 5
+_LEVEL: Final = 5
 """Of Zstandard; how hard it tries is no part of the layout."""
 
 
-def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int], *, level: int = LEVEL) -> h5py.Dataset:
+def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int], *, level: int = _LEVEL) -> h5py.Dataset:
     """Create one dataset with the type, chunks, codec, checksum and ``units`` of the layout.
 
     Parameters

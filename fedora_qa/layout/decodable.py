@@ -37,10 +37,10 @@ _KNOWN_FILTERS: Final = {
 }
 """Filters that neither HDF5 nor hdf5plugin brings, by the numbers under which they are registered."""
 
-BITSHUFFLE: Final = 32008
+_BITSHUFFLE: Final = 32008
 """The number under which Bitshuffle is registered with HDF5."""
 
-_VERIFIABLE: Final = ([BITSHUFFLE], [BITSHUFFLE, h5py.h5z.FILTER_FLETCHER32])
+_VERIFIABLE: Final = ([_BITSHUFFLE], [_BITSHUFFLE, h5py.h5z.FILTER_FLETCHER32])
 """Sequences of filters with Bitshuffle whose chunks can be verified: behind another codec its bytes are not at hand."""
 
 _ELEMENT_BYTES: Final = 2
@@ -51,6 +51,42 @@ FLETCHER32_BYTES: Final = 4
 
 _LENGTH_KEEPING_FILTERS: Final = frozenset({h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32})
 """Filters that keep the length of a chunk, but for the checksum."""
+
+_CODEC: Final = 4
+"""Where the parameters of Bitshuffle hold the codec (bshuf_h5filter.c)."""
+
+_PACKED: Final = (2, 3)
+"""The codecs LZ4 and Zstandard; without one the bits of the values are transposed and keep their length."""
+
+_HEADER: Final = struct.Struct(">QI")
+"""Bytes of all values, and bytes of a block, before the blocks of a packed chunk."""
+
+_BLOCK: Final = struct.Struct(">I")
+"""Packed bytes of a block, before each of them."""
+
+_VALUES_TOGETHER: Final = 8
+"""Values whose bits Bitshuffle transposes together; those left over at the end of a chunk are stored as they are."""
+
+LARGEST_CHUNK_BYTES: Final = 512 << 20
+"""A chunk is decoded whole. An image of 33 megapixels with two channels of float64 takes as much."""
+
+LARGEST_IMAGE_PIXELS: Final = 1 << 25
+"""An image of 7680 x 4320 fits. Checks hold a dozen arrays of an image's size."""
+
+MOST_SAMPLES: Final = 1 << 25
+"""Timestamps of frames and samples, and index maps, are held whole: nine hours of an IMU at 1 kHz fit."""
+
+MOST_UNWRITTEN_BYTES: Final = 64 << 20
+"""Chunks that were never written read as fill values. A dataset with more of these, and with more of these than of
+written ones, is refused."""
+
+MOST_EXPANSION: Final = 1 << 15
+"""Largest number of bytes that one codec of HDF5 decodes from a byte: Zstandard's shortest block has 4 bytes and holds
+128 KiB (RFC 8878, 3.1.1.2). Deflate reaches 1032, Blosc with Zstandard 7900 as measured on zeros. Only a codec within a
+codec reaches more."""
+
+SMALL_BYTES: Final = 64 << 20
+"""A dataset of this decoded size is harmless, however it is stored."""
 
 
 def require_filters(dataset: h5py.Dataset, path: str) -> None:
@@ -65,8 +101,8 @@ def require_filters(dataset: h5py.Dataset, path: str) -> None:
     """
     filters = list(filters_of(dataset))
     numbers = [number for number, _ in filters]
-    if BITSHUFFLE in numbers:
-        parameters = filter_parameters(dataset, numbers.index(BITSHUFFLE))
+    if _BITSHUFFLE in numbers:
+        parameters = filter_parameters(dataset, numbers.index(_BITSHUFFLE))
         fits = parameters[_ELEMENT_BYTES : _ELEMENT_BYTES + 1] == (dataset.id.get_type().get_size(),)
         if numbers not in _VERIFIABLE or not fits:
             message = (
@@ -129,25 +165,9 @@ def filter_parameters(dataset: h5py.Dataset, position: int) -> tuple[int, ...]:
     return tuple(dataset.id.get_create_plist().get_filter(position)[2])
 
 
-_CODEC: Final = 4
-"""Where the parameters of the filter hold the codec (bshuf_h5filter.c)."""
-
-_PACKED: Final = (2, 3)
-"""LZ4 and Zstandard; without a codec the bits of the values are transposed and keep their length."""
-
-_HEADER: Final = struct.Struct(">QI")
-"""Bytes of all values, and bytes of a block, before the blocks of a packed chunk."""
-
-_BLOCK: Final = struct.Struct(">I")
-"""Packed bytes of a block, before each of them."""
-
-_VALUES_TOGETHER: Final = 8
-"""Values whose bits are transposed together; those left over at the end of a chunk are stored as they are."""
-
-
 def uses_bitshuffle(dataset: h5py.Dataset) -> bool:
     """Whether chunks of a dataset pass through Bitshuffle."""
-    return bool(dataset.chunks) and any(number == BITSHUFFLE for number, _ in filters_of(dataset))
+    return bool(dataset.chunks) and any(number == _BITSHUFFLE for number, _ in filters_of(dataset))
 
 
 def require_sound_blocks(dataset: h5py.Dataset, start: int, stop: int) -> None:
@@ -207,28 +227,6 @@ def _is_sound(content: bytes, length: int, values: int, value_bytes: int, *, pac
             return False
         position += _BLOCK.size + _BLOCK.unpack_from(content, position)[0]
     return bool(position + remainder_bytes == length)
-
-
-LARGEST_CHUNK_BYTES: Final = 512 << 20
-"""A chunk is decoded whole. An image of 33 megapixels with two channels of float64 takes as much."""
-
-LARGEST_IMAGE_PIXELS: Final = 1 << 25
-"""An image of 7680 x 4320 fits. Checks hold a dozen arrays of an image's size."""
-
-MOST_SAMPLES: Final = 1 << 25
-"""Timestamps of frames and samples, and index maps, are held whole: nine hours of an IMU at 1 kHz fit."""
-
-MOST_UNWRITTEN_BYTES: Final = 64 << 20
-"""Chunks that were never written read as fill values. A dataset with more of these, and with more of these than of
-written ones, is refused."""
-
-MOST_EXPANSION: Final = 1 << 15
-"""Largest number of bytes that one codec of HDF5 decodes from a byte: Zstandard's shortest block has 4 bytes and holds
-128 KiB (RFC 8878, 3.1.1.2). Deflate reaches 1032, Blosc with Zstandard 7900 as measured on zeros. Only a codec within a
-codec reaches more."""
-
-SMALL_BYTES: Final = 64 << 20
-"""A dataset of this decoded size is harmless, however it is stored."""
 
 
 def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:

@@ -21,6 +21,7 @@ from fedora_qa.layout.decodable import FLETCHER32_BYTES, filter_parameters, filt
 
 blosc.use_threads = False  # --jobs decides how many cores are used
 
+
 _BLOSC: Final = 32001
 """The number under which the filter is registered with HDF5."""
 
@@ -42,6 +43,16 @@ _HEADER: Final = np.dtype([
     ("decoded_bytes", "<u4"), ("block_bytes", "<u4"), ("stored_bytes", "<u4"),
 ])  # fmt: skip
 """Of a chunk of Blosc 1 (README_CHUNK_FORMAT of C-Blosc)."""
+
+_WAITING_BYTES: Final = 64 << 20
+"""Decoded chunks that wait for a thread, or to be written. More are not accepted before the oldest is written."""
+
+_BLOCK_BYTES: Final = 256 << 10
+"""Bytes of a chunk that are compressed together. Each block begins without knowledge: larger ones become smaller, in
+less time, than the 64 KiB that Blosc chooses, and fit the cache of a core. A reader takes the size from the chunk."""
+
+# Places in the parameters of the filter (blosc_filter.c of hdf5-blosc).
+_LEVEL, _SHUFFLE = 4, 5
 
 
 class StoredChunks:
@@ -142,17 +153,6 @@ def fletcher32(words: NDArray[np.uint16], last: int) -> int:
     return int(swapped * weighted % np.uint64(65535)) << 16 | int(swapped * simple % np.uint64(65535))
 
 
-_WAITING_BYTES: Final = 64 << 20
-"""Decoded chunks that wait for a thread, or to be written. More are not accepted before the oldest is written."""
-
-_BLOCK_BYTES: Final = 256 << 10
-"""Bytes of a chunk that are compressed together. Each block begins without knowledge: larger ones become smaller, in
-less time, than the 64 KiB that Blosc chooses, and fit the cache of a core. A reader takes the size from the chunk."""
-
-# Places in the parameters of the filter (blosc_filter.c of hdf5-blosc).
-_LEVEL, _SHUFFLE = 4, 5
-
-
 class ChunkWriter:
     """Compresses whole chunks in threads, and writes them in the order in which they are given.
 
@@ -190,7 +190,7 @@ class ChunkWriter:
             All rows of the chunk, in the type of the dataset. They must not be changed afterwards.
         """
         parameters = filter_parameters(dataset, 0)
-        chunk = self._threads.submit(encoded_chunk, rows, parameters[_LEVEL], parameters[_SHUFFLE])
+        chunk = self._threads.submit(_encoded_chunk, rows, parameters[_LEVEL], parameters[_SHUFFLE])
         self._waiting.append((dataset, start, rows.nbytes, chunk))
         self._waiting_bytes += rows.nbytes
         while self._waiting_bytes > _WAITING_BYTES or (self._waiting and self._waiting[0][-1].done()):
@@ -207,7 +207,7 @@ class ChunkWriter:
         dataset.id.write_direct_chunk((start, *(0 for _ in dataset.shape[1:])), chunk.result())
 
 
-def encoded_chunk(rows: NDArray[Any], level: int, shuffle: int) -> bytes:
+def _encoded_chunk(rows: NDArray[Any], level: int, shuffle: int) -> bytes:
     """Return a chunk as HDF5 stores it: compressed by Blosc-Zstandard, with the checksum behind it.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import h5py
 
-from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.errors import MisuseError, UnreadableFileError, first_line
 from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, Form, form_of, load_dialect
 from fedora_qa.sources.arrays import npy_array, npy_frames, npz_array
 from fedora_qa.sources.images import images_of, numbers_of
@@ -228,9 +228,8 @@ class OpenFolder:
                         h5py.File(files.first, "r", locking="best-effort", **options)
                     )
                 except OSError as error:
-                    first = (str(error).splitlines() or [type(error).__name__])[0]
                     raise UnreadableFileError(
-                        f"Expected a complete HDF5 file, got {files.first.name}: {first}"
+                        f"Expected a complete HDF5 file, got {files.first.name}: {first_line(error)}"
                     ) from error
             self._opened = opened.pop_all()
 

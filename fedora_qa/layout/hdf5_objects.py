@@ -18,7 +18,6 @@ from h5py import _objects, h5d, h5g, h5i, h5l, h5o
 if TYPE_CHECKING:
     from fedora_qa.layout.external_files import ExternalFiles
 
-
 READ_ERRORS: Final = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, MemoryError)
 """What h5py raises where stored bytes are damaged, a filter is missing, or a size is absurd."""
 
@@ -33,6 +32,18 @@ MOST_NAMES: Final = 1000
 
 LONGEST_MESSAGE: Final = 500
 """Characters of a message: names and link targets of a file may have any length."""
+
+DEEPEST: Final = 32
+"""Groups within groups; the canonical layout has three levels."""
+
+MOST_OBJECTS: Final = 10_000
+"""Links that are read. The canonical layout has some forty datasets."""
+
+_LARGEST_ATTRIBUTE_BYTES: Final = 16 << 20
+"""Largest attribute: a list of a million hot pixels. A damaged or hostile header can state any size."""
+
+_LONGEST_TEXT: Final = 4096
+"""Largest number of characters: a text of the layout is a word or a line."""
 
 
 class RefusedError(Exception):
@@ -246,13 +257,6 @@ def _lists(group: h5g.GroupID, wanted: bytes) -> bool:
     return names[-1:] == [wanted]
 
 
-DEEPEST: Final = 32
-"""Groups within groups; the canonical layout has three levels."""
-
-MOST_OBJECTS: Final = 10_000
-"""Links that are read. The canonical layout has some forty datasets."""
-
-
 @dataclass(frozen=True, slots=True)
 class Walk:
     """Paths of the datasets; ``unseen`` describes what the walk left out, and is empty where that is nothing."""
@@ -335,13 +339,6 @@ class _Links:
         return members
 
 
-LARGEST_BYTES: Final = 16 << 20
-"""Largest attribute: a list of a million hot pixels. A damaged or hostile header can state any size."""
-
-LONGEST_TEXT: Final = 4096
-"""Largest number of characters: a text of the layout is a word or a line."""
-
-
 def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
     """Return the value of an attribute, numbers or text, or None where there is none.
 
@@ -367,16 +364,16 @@ def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
             raise ValueError(f"a type that is neither numbers nor text ({dtype})")
         if is_text and values > 1:
             raise ValueError(f"{values} texts where one is expected")
-        if values * dtype.itemsize > LARGEST_BYTES:
-            raise ValueError(f"{values * dtype.itemsize} bytes, more than the {LARGEST_BYTES} that are read")
+        if values * dtype.itemsize > _LARGEST_ATTRIBUTE_BYTES:
+            raise ValueError(f"{values * dtype.itemsize} bytes, more than the {_LARGEST_ATTRIBUTE_BYTES} that are read")
         if dtype.kind in "iuf" and shape is not None:
             numbers = np.empty(shape, dtype)
             attribute.read(numbers)
             return numbers[()]
         value = attributes[name]
         # The item size of text of variable length is that of a pointer, so that the bound on bytes does not apply.
-        if isinstance(value, str | bytes) and len(value) > LONGEST_TEXT:
-            raise ValueError(f"a text of {len(value)} characters, more than the {LONGEST_TEXT} that are read")
+        if isinstance(value, str | bytes) and len(value) > _LONGEST_TEXT:
+            raise ValueError(f"a text of {len(value)} characters, more than the {_LONGEST_TEXT} that are read")
         return value
     except READ_ERRORS as error:
         raise ValueError(str(error)) from error

@@ -1,4 +1,7 @@
-"""Find the canonical datasets in a file: its dialect, complete streams, absent streams, and problems."""
+"""Find the canonical datasets in a file: its dialect, complete streams, absent streams, and problems.
+
+The dialect is that which the file declares, or else the one with most datasets in it.
+"""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -48,94 +51,10 @@ from fedora_qa.layout.hdf5_objects import (
 from fedora_qa.layout.metadata import Supplied, supplied_declarations
 from fedora_qa.sources.images import Images, left_out, numbers_of
 
-_KINDS = {"int": "iu", "float": "f"}
-
-
-def declares_fedora(file: h5py.File) -> bool:
-    """Whether the file declares that it follows the canonical layout."""
-    return text_attribute(file, "format") == FORMAT_NAME
-
-
-def detect_dialect(file: h5py.File, external_files: ExternalFiles | None = None) -> Dialect:
-    """Return the dialect that the file declares, or else the one with most datasets in the file.
-
-    Among equals the hints decide, then the order of ``DIALECT_NAMES``. A file without any of these datasets is read as
-    canonical, and all of its streams are reported absent.
-    """
-    if declares_fedora(file):
-        return load_dialect(FORMAT_NAME)
-    dialects = [load_dialect(name) for name in DIALECT_NAMES]
-    scores: list[tuple[int, bool]] = []
-    for dialect in dialects:
-        count, hinted = 0, False
-        for spec in map(spec_of, dict.fromkeys((*DATASETS, *dialect.datasets))):
-            place = dialect.place_of(spec.key)
-            # Datasets in other files of the folder do not identify the dialect of this file.
-            place = place if place is None or place.file == dialect.first_role else None
-            dataset = None if place is None else _dataset(file, place.path or spec.key, external_files)
-            # Rank only: a dataset of a wrong size still identifies its dialect, and the size is reported later.
-            if place is not None and dataset is not None and len(dataset.shape) in place.ranks_of(spec):
-                count += 1
-        for hint in dialect.hints:
-            dataset = _dataset(file, hint.path, external_files)
-            if dataset is None or hint.rank not in {None, len(dataset.shape)}:
-                continue
-            hinted = hint.kind is None or dataset.dtype.kind in _KINDS[hint.kind]
-            if hinted:
-                break
-        scores.append((count, hinted))
-    # ``index`` returns the first of equals, so that the order of ``DIALECT_NAMES`` decides last.
-    return dialects[scores.index(max(scores))]
-
-
-def _dataset(file: h5py.File, path: str, external_files: ExternalFiles | None) -> h5py.Dataset | None:
-    """Return the dataset at a path if it has a shape and a type that can be read."""
-    try:
-        dataset = find_dataset(file, path, external_files)
-        legible = dataset is not None and dataset.shape is not None and dataset.dtype is not None
-    except (RefusedError, *READ_ERRORS):
-        return None
-    return dataset if legible else None
-
+_DTYPE_KINDS = {"int": "iu", "float": "f"}
 
 _LEAST_SIMILARITY: Final = 0.85
 """Of difflib's ratio, 2 M / T for M equal letters of T: a letter of a name of seven may differ, two of fourteen."""
-
-
-def similar_path(file: h5py.File, path: str, external_files: ExternalFiles | None = None) -> str | None:
-    """Return a path in the file that is nearly a missing one of the layout and that the layout lacks.
-
-    Parameters
-    ----------
-    file
-        The open file.
-    path
-        Canonical path of a dataset that the file does not hold.
-    external_files
-        Which other files it may read from.
-
-    Returns
-    -------
-    path
-        Where the first part of ``path`` that is missing has a name like it beside it; None: there is none.
-    """
-    parts = path.split("/")
-    for depth, part in enumerate(parts):
-        parent = "/".join(parts[:depth])
-        names = names_in(file, parent or "/", external_files)
-        if part not in names:
-            unknown = sorted(set(names) - _known_names(parent))
-            return next((f"{parent}/{name}" for name in get_close_matches(part, unknown, 1, _LEAST_SIMILARITY)), None)
-    return None
-
-
-def _known_names(parent: str) -> set[str]:
-    """Return the names that the layout has in a group."""
-    beginning = f"{parent}/" if parent else ""
-    beside = (spec.key for stream in BESIDE for spec in datasets_of(stream))
-    paths = chain(DATASETS, beside, METADATA_GROUPS)
-    return {path.removeprefix(beginning).split("/")[0] for path in paths if path.startswith(beginning)}
-
 
 _LIKE_A_RATE: Final = re.compile(r".*hz|[+-]?[0-9.]+", re.IGNORECASE)
 """Names in ``path/flow`` that are meant as rates, whether they are or not."""
@@ -207,10 +126,10 @@ def resolve(
         if unused := file.matched.unused:
             inferred["layout.unused"] = f"{len(unused)} of the folder's files, such as {unused[0]}"
     else:
-        is_named = dialect is not None or declares_fedora(file)
+        is_named = dialect is not None or _declares_fedora(file)
         if dialect is None:
             dialect = detect_dialect(file, external_files)
-            if not declares_fedora(file):
+            if not _declares_fedora(file):
                 inferred["layout.dialect"] = dialect.name
     supplied = supplied_declarations(dialect, side, file, external_files)
     # The values may be large; who declares them is what a reader of the record needs.
@@ -244,6 +163,53 @@ def unrecognised(path: str) -> Layout:
     """Return the layout of a folder that fits no dialect."""
     absent = dict.fromkeys(STREAMS, f"no dialect fits the folder {path}")
     return Layout("unknown", {}, frozenset(), absent, is_recognised=False)
+
+
+def detect_dialect(file: h5py.File, external_files: ExternalFiles | None = None) -> Dialect:
+    """Return the dialect that the file declares, or else the one with most datasets in the file.
+
+    Among equals the hints decide, then the order of ``DIALECT_NAMES``. A file without any of these datasets is read as
+    canonical, and all of its streams are reported absent.
+    """
+    if _declares_fedora(file):
+        return load_dialect(FORMAT_NAME)
+    dialects = [load_dialect(name) for name in DIALECT_NAMES]
+    scores: list[tuple[int, bool]] = []
+    for dialect in dialects:
+        count, hinted = 0, False
+        for spec in map(spec_of, dict.fromkeys((*DATASETS, *dialect.datasets))):
+            place = dialect.place_of(spec.key)
+            # Datasets in other files of the folder do not identify the dialect of this file.
+            place = place if place is None or place.file == dialect.first_role else None
+            dataset = None if place is None else _legible_dataset(file, place.path or spec.key, external_files)
+            # Rank only: a dataset of a wrong size still identifies its dialect, and the size is reported later.
+            if place is not None and dataset is not None and len(dataset.shape) in place.ranks_of(spec):
+                count += 1
+        for hint in dialect.hints:
+            dataset = _legible_dataset(file, hint.path, external_files)
+            if dataset is None or hint.rank not in {None, len(dataset.shape)}:
+                continue
+            hinted = hint.kind is None or dataset.dtype.kind in _DTYPE_KINDS[hint.kind]
+            if hinted:
+                break
+        scores.append((count, hinted))
+    # ``index`` returns the first of equals, so that the order of ``DIALECT_NAMES`` decides last.
+    return dialects[scores.index(max(scores))]
+
+
+def _declares_fedora(file: h5py.File) -> bool:
+    """Whether the file declares that it follows the canonical layout."""
+    return text_attribute(file, "format") == FORMAT_NAME
+
+
+def _legible_dataset(file: h5py.File, path: str, external_files: ExternalFiles | None) -> h5py.Dataset | None:
+    """Return the dataset at a path if it has a shape and a type that can be read."""
+    try:
+        dataset = find_dataset(file, path, external_files)
+        legible = dataset is not None and dataset.shape is not None and dataset.dtype is not None
+    except (RefusedError, *READ_ERRORS):
+        return None
+    return dataset if legible else None
 
 
 class _Finder:
@@ -369,7 +335,7 @@ class _Finder:
         """Note a name that is nearly that of an absent stream; rates of flow are nearly those of one another."""
         if not self.dialect.canonical_elsewhere or is_flow_stream(stream) or not isinstance(self.file, h5py.File):
             return
-        similar = similar_path(self.file, path, self.external_files)
+        similar = _similar_path(self.file, path, self.external_files)
         if similar is not None:
             message = f"Expected {path}, or no name like it, got {similar}; rename it if it is meant"
             self.binder.report(stream, "", RefusedError("similar_name", "missing_stream", message), is_lossless=True)
@@ -456,3 +422,38 @@ def _without_last_row(binding: Binding) -> Binding:
 
 def _stream_of(key: str) -> str:
     return spec_of(key).stream
+
+
+def _similar_path(file: h5py.File, path: str, external_files: ExternalFiles | None = None) -> str | None:
+    """Return a path in the file that is nearly a missing one of the layout and that the layout lacks.
+
+    Parameters
+    ----------
+    file
+        The open file.
+    path
+        Canonical path of a dataset that the file does not hold.
+    external_files
+        Which other files it may read from.
+
+    Returns
+    -------
+    path
+        Where the first part of ``path`` that is missing has a name like it beside it; None: there is none.
+    """
+    parts = path.split("/")
+    for depth, part in enumerate(parts):
+        parent = "/".join(parts[:depth])
+        names = names_in(file, parent or "/", external_files)
+        if part not in names:
+            unknown = sorted(set(names) - _known_names(parent))
+            return next((f"{parent}/{name}" for name in get_close_matches(part, unknown, 1, _LEAST_SIMILARITY)), None)
+    return None
+
+
+def _known_names(parent: str) -> set[str]:
+    """Return the names that the layout has in a group."""
+    beginning = f"{parent}/" if parent else ""
+    beside = (spec.key for stream in BESIDE for spec in datasets_of(stream))
+    paths = chain(DATASETS, beside, METADATA_GROUPS)
+    return {path.removeprefix(beginning).split("/")[0] for path in paths if path.startswith(beginning)}

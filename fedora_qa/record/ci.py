@@ -26,6 +26,12 @@ INCOMPLETE: Final = "incomplete"
 # GitHub has three kinds of annotations, the record four severities.
 _LEVELS: Final[dict[Severity, Level]] = {"critical": "error", "error": "error", "warning": "warning", "info": "note"}
 
+_JUNIT_ENDS = {"failures": "failure", "errors": "error", "skipped": "skipped"}
+
+_GITHUB_COMMANDS: Final[dict[Level, str]] = {"error": "error", "warning": "warning", "note": "notice"}
+
+_BADGE_COLOURS: Final[dict[Verdict, str]] = {"clean": "brightgreen", "findings": "red", "incomplete": "orange"}
+
 
 @dataclass(frozen=True, slots=True)
 class Problem:
@@ -79,9 +85,6 @@ def problems_of(file: FileRecord) -> tuple[Problem, ...]:
     if why:
         problems.append(Problem(file.path, "", INCOMPLETE, "error", f"The check is incomplete: {why}.", Where()))
     return tuple(problems)
-
-
-_JUNIT_ENDS = {"failures": "failure", "errors": "error", "skipped": "skipped"}
 
 
 def record_to_junit(record: Record) -> str:
@@ -153,9 +156,6 @@ def _junit_count(element: ET.Element) -> None:
         element.set(attribute, str(len(element.findall(f".//testcase/{tag}"))))
 
 
-_GITHUB_COMMANDS: Final[dict[Level, str]] = {"error": "error", "warning": "warning", "note": "notice"}
-
-
 def record_to_github(record: Record) -> str:
     """Return one annotation a line; empty without problems."""
     lines: list[str] = []
@@ -185,9 +185,6 @@ def _github_data(text: str) -> str:
 def _github_property(text: str) -> str:
     """Return the value of a property, in which colons and commas must be escaped as well."""
     return _github_data(text).replace(":", "%3A").replace(",", "%2C")
-
-
-_BADGE_COLOURS: Final[dict[Verdict, str]] = {"clean": "brightgreen", "findings": "red", "incomplete": "orange"}
 
 
 def record_to_badge(record: Record) -> str:

@@ -32,6 +32,27 @@ Fitted = Literal["fitted", "all_found", "none_found", "not_rising", "too_few", "
 ComparedBy = Literal["size", "response"]
 Truth = Literal["true", "too_bold", "too_cautious", "untested"]
 
+_ANY_CHECK: Final = "any check"
+
+_TRUTH_WORDS: Final[dict[Truth, str]] = {
+    "true": "true",
+    "too_bold": "too bold",
+    "too_cautious": "too cautious",
+    "untested": "untested",
+}
+
+_WHY_NO_FIT: Final[dict[Fitted, str]] = {
+    "fitted": "",
+    "all_found": "all found",
+    "none_found": "none found",
+    "not_rising": "does not rise with size",
+    "too_few": "too few sizes",
+    "no_size": "has no size",
+}
+
+_CHECKS_SHOWN: Final = 3
+_WRONG_SHOWN: Final = 30
+
 
 @dataclass(frozen=True, slots=True)
 class Share:
@@ -260,28 +281,6 @@ POWER: Final = DocumentKind(
 )
 
 
-ANY_CHECK: Final = "any check"
-
-TRUTH_WORDS: Final[dict[Truth, str]] = {
-    "true": "true",
-    "too_bold": "too bold",
-    "too_cautious": "too cautious",
-    "untested": "untested",
-}
-
-WHY_NO_FIT: Final[dict[Fitted, str]] = {
-    "fitted": "",
-    "all_found": "all found",
-    "none_found": "none found",
-    "not_rising": "does not rise with size",
-    "too_few": "too few sizes",
-    "no_size": "has no size",
-}
-
-_CHECKS_SHOWN: Final = 3
-_WRONG_SHOWN: Final = 30
-
-
 def tables_of(power: Power) -> tuple[TextTable, ...]:
     """Return the tables of a study that have rows."""
     false = power.false_alarms
@@ -291,20 +290,20 @@ def tables_of(power: Power) -> tuple[TextTable, ...]:
     )
     if power.set_aside:
         note += f" {power.set_aside} faulty copies of files that failed are set aside, and not counted below."
-    rows: list[tuple[str, ...]] = [(ANY_CHECK, share_words(false.files), interval_words(false.files))]
-    rows += [(check, share_words(share), interval_words(share)) for check, share in false.by_check.items()]
+    rows: list[tuple[str, ...]] = [(_ANY_CHECK, share_words(false.files), _interval_words(false.files))]
+    rows += [(check, share_words(share), _interval_words(share)) for check, share in false.by_check.items()]
     alarms = TextTable("False alarms on clean files", ("check", "failed", "95% interval"), tuple(rows), note, words=1)
 
     head = ("faults", "found", "of those expected to be", "named first, of those found", "95% interval", "all named")
     rows = [
         (naming.kind, share_words(naming.found), share_words(naming.observable), share_words(naming.named_first),
-         interval_words(naming.named_first), share_words(naming.all_named))
+         _interval_words(naming.named_first), share_words(naming.all_named))
         for naming in power.naming
     ]  # fmt: skip
     kinds = TextTable("Faults found and named", head, tuple(rows), words=1)
 
     rows = [
-        (row.status, share_words(row.right), interval_words(row.right))
+        (row.status, share_words(row.right), _interval_words(row.right))
         for row in power.statuses
         if not row.cause  # each cause is in the JSON
     ]
@@ -366,7 +365,7 @@ def share_words(share: Share) -> str:
     return f"{share.count} of {share.of}" + (f" ({share.value:.1%})" if share.value is not None else "")
 
 
-def interval_words(share: Share) -> str:
+def _interval_words(share: Share) -> str:
     """Return ``91.1% to 100.0%``."""
     return f"{share.low:.1%} to {share.high:.1%}"
 
@@ -382,7 +381,7 @@ def estimate_words(estimate: Estimate, unit: str = "") -> str:
 
 def curve_words(curve: Curve, unit: str = "") -> str:
     """Return the size that is found with 95% probability, or why it is unknown."""
-    return estimate_words(curve.at_95, unit) if curve.fitted == "fitted" else WHY_NO_FIT[curve.fitted]
+    return estimate_words(curve.at_95, unit) if curve.fitted == "fitted" else _WHY_NO_FIT[curve.fitted]
 
 
 def _rounded(value: float) -> float:
@@ -399,7 +398,7 @@ def _detections(power: Power) -> TextTable:
             rows.append(
                 (
                     name,
-                    detection.check or ANY_CHECK,
+                    detection.check or _ANY_CHECK,
                     share_words(detection.found),
                     curve_words(detection.curve, detection.unit),
                     "-" if detection.material is None else share_words(detection.material),
@@ -419,7 +418,7 @@ def _limits(power: Power) -> TextTable:
     head = ("cause", "check", "verdict", "compared by", "states (median)", "found from it on", "from twice it on",
             "95% at, of it")  # fmt: skip
     rows = [
-        (limit.cause, limit.check, TRUTH_WORDS[limit.truth], limit.compared,
+        (limit.cause, limit.check, _TRUTH_WORDS[limit.truth], limit.compared,
          f"{number(_rounded(limit.median))} {limit.unit}", share_words(limit.found_from_it),
          share_words(limit.found_from_twice), curve_words(limit.curve))
         for limit in power.stated

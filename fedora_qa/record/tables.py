@@ -19,12 +19,17 @@ Kind = Literal["text", "texts", "integer", "integers", "number", "scalar"]
 Cell = Scalar | tuple[str, ...] | tuple[int, ...]
 Row = tuple[Cell, ...]
 
-
 ABSENT: Final = "-"
 """Stands in a table of text for an absent value."""
 
 SOURCE: Final = "source"
 """Heads a column of a table of text that names who published a row."""
+
+_FORMULA_STARTS: Final = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""Characters that start a formula, also after spaces; with their full-width forms of East Asian keyboards."""
+
+_NUMBER: Final = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
+_ABSENT_CELLS: Final = frozenset({ABSENT, "–"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,13 +152,6 @@ _COLUMNS: Final = {
 TABLE_NAMES: Final = tuple(_COLUMNS)
 """The tables, in the order in which they are written."""
 
-
-_FORMULA_STARTS: Final = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-"""Characters that start a formula, also after spaces; with their full-width forms of East Asian keyboards."""
-
-_NUMBER: Final = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
-_ABSENT: Final = frozenset({"-", "–"})
-
 CSV_NAMES: Final = tuple(f"{name}.csv" for name in TABLE_NAMES)
 """The files that hold the tables."""
 
@@ -191,7 +189,7 @@ def table_to_csv(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     writer = csv.writer(output)
     for row in (head, *rows):
         writer.writerow(
-            "" if cell in _ABSENT else cell if _NUMBER.fullmatch(cell) else _uncalculated(cell) for cell in row
+            "" if cell in _ABSENT_CELLS else cell if _NUMBER.fullmatch(cell) else _uncalculated(cell) for cell in row
         )
     return output.getvalue()
 

@@ -21,6 +21,9 @@ CanaryOutcome = Literal["seen", "withheld", "silent", "not_planted"]
 DiagnosisStatus = Literal["confirmed", "supported", "suggested", "unidentified"]
 Scalar = str | int | float | bool | None
 
+FOLDER: Final = "."
+"""The name of the release itself, beside those of its files."""
+
 
 @dataclass(frozen=True, slots=True)
 class Where:
@@ -250,10 +253,6 @@ class Record:
     effort: str = ""
     profile: str = "strict"
     """Of materiality: ``release``, ``training`` or ``strict``, as records of version 1.0 were."""
-
-
-FOLDER: Final = "."
-"""The name of the release itself, beside those of its files."""
 
 
 def gravest_verdict(files: Iterable[FileRecord]) -> Verdict:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_US, POLARITY_BRIGHTER, POLARITY_DARKER
-from fedora_qa.errors import NotRepairableError, UnreadableRowsError
+from fedora_qa.errors import NotRepairableError, UnreadableRowsError, first_line
 from fedora_qa.layout.binding import POLARITY_CODES, Binding, canonical_values, selected_columns, timestamps_ns
 from fedora_qa.layout.canonical import ATTRIBUTES, spec_of
 from fedora_qa.layout.conversions import MAP_DEFINITIONS
@@ -207,8 +207,7 @@ def writing(what: str) -> Iterator[None]:
     try:
         yield
     except READ_ERRORS as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise NotRepairableError(f"Expected HDF5 to write {what} of the copy, got: {reason}") from error
+        raise NotRepairableError(f"Expected HDF5 to write {what} of the copy, got: {first_line(error)}") from error
 
 
 def require_whole(file: h5py.File) -> None:

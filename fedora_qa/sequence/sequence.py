@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
+from fedora_qa.errors import UnreadableFileError, UnreadableRowsError, first_line
 from fedora_qa.layout.binding import Binding, Opened, canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.canonical import is_timed, timestamps_of
 from fedora_qa.layout.dialect import DialectChoice, split_choice
@@ -329,7 +329,7 @@ def open_sequence(
             except OSError as error:
                 # HDF5 reports a failed request as damage, so that the failure of the server takes precedence.
                 remote.require_sound()
-                raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
+                raise UnreadableFileError(f"Expected a complete HDF5 file, got: {first_line(error)}") from error
             sequence = Sequence(path, file, dialect, remote, opening_facts)
             # From here on ``Sequence.close`` closes both.
             opened.pop_all()
@@ -342,7 +342,7 @@ def open_sequence(
         name = os.path.realpath(path) if external_files else path
         file = h5py.File(name, "r", locking="best-effort", rdcc_nbytes=_NO_CHUNKS)
     except OSError as error:
-        raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
+        raise UnreadableFileError(f"Expected a complete HDF5 file, got: {first_line(error)}") from error
     try:
         return Sequence(path, file, dialect, opening_facts=opening_facts, external_files=external_files)
     # Also on an interrupt: an open file keeps its lock.
@@ -368,7 +368,3 @@ def _open_folder(
         if external_files:
             external_files.close()
         raise
-
-
-def _first_line(error: OSError) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -17,108 +17,18 @@ from fedora_qa.conventions import MM_PER_M
 from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.sequence.facts import Facts, has_place
 
-Value = TypeVar("Value")
-
 _UNLIMITED: Final = 1 << 62
-
-
-class Leases:
-    """Keeps an array until a window has passed in which it was not requested.
-
-    Where the limit of bytes is reached, leases of earlier windows end first, the oldest first. An array that still
-    does not fit is not kept, and is made again at a later request: that costs time and changes no result.
-
-    Parameters
-    ----------
-    limit_bytes
-        Most bytes to keep.
-    """
-
-    def __init__(self, limit_bytes: int = _UNLIMITED) -> None:
-        self.limit_bytes = limit_bytes
-        self.kept_bytes = 0
-        # Arrays that earlier windows requested and this one has not yet, and those that this one requested. Both are in
-        # the order of request.
-        self._before: dict[Hashable, Any] = {}
-        self._now: dict[Hashable, Any] = {}
-        # Bytes of each when it was made: results may keep more later.
-        self._sizes: dict[Hashable, int] = {}
-        # The latest array that did not fit: a search reads one block many times.
-        self._latest: tuple[Hashable, Any] | None = None
-
-    def begin_window(self, is_ahead: Callable[[Hashable], bool] = lambda _: False) -> None:
-        """End the leases of arrays that the last window did not request, unless a later window is to request them.
-
-        Parameters
-        ----------
-        is_ahead
-            Whether the array of a key belongs to the window that begins, or to a later one.
-        """
-        for key in tuple(self._before):
-            if not is_ahead(key):
-                self._end(key)
-        # Those that were requested last are the last to end where bytes are short.
-        self._before, self._now = self._before | self._now, {}
-        self._latest = None
-
-    def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """Return the value of a key, an array or an error in its place; ``make`` makes it where it is not kept."""
-        kept = self.find(key)
-        if kept is not None:
-            return cast(Value, kept)
-        value = make()
-        self.keep(key, value)
-        return value
-
-    def find(self, key: Hashable) -> Any:
-        """Return the value of a key that is kept; None where it is not."""
-        if key in self._now:
-            return self._now[key]
-        if key in self._before:
-            value = self._now[key] = self._before.pop(key)
-            return value
-        return self._latest[1] if self._latest and self._latest[0] == key else None
-
-    def keep(self, key: Hashable, value: object) -> None:
-        """Keep the value of a key that is not kept, where it fits."""
-        size = _bytes(value)
-        while self._before and size <= self.limit_bytes < self.kept_bytes + size:
-            self._end(next(iter(self._before)))
-        if self.kept_bytes + size <= self.limit_bytes:
-            self._now[key], self._sizes[key] = value, size
-            self.kept_bytes += size
-        else:
-            self._latest = key, value
-
-    def forget(self) -> None:
-        """End all leases."""
-        self._before.clear()
-        self._now.clear()
-        self._sizes.clear()
-        self._latest = None
-        self.kept_bytes = 0
-
-    def _end(self, key: Hashable) -> None:
-        del self._before[key]
-        self.kept_bytes -= self._sizes.pop(key)
-
-
-def _bytes(value: Any) -> int:
-    """Return the bytes of an array, or of all arrays that a result holds."""
-    if isinstance(value, np.ndarray):
-        return value.nbytes
-    if isinstance(value, Mapping):
-        return sum(map(_bytes, value.values()))
-    if isinstance(value, tuple | list):
-        return sum(map(_bytes, value))
-    if is_dataclass(value):
-        return sum(_bytes(getattr(value, field.name)) for field in fields(value))
-    return 0
-
 
 P = ParamSpec("P")
 T = TypeVar("T")
 Image = TypeVar("Image", bound=NDArray[Any])
+
+USUAL_PIXELS: Final = 220_000
+"""Number of pixels above which frames are large (540 x 405): they have more pixels than the detection of a fault of a
+whole field needs."""
+
+_KEPT_DEPTHS: Final = 2
+"""Depth frames in metres that a window keeps itself: both ends of an interval."""
 
 
 class RowSource(Protocol):
@@ -151,14 +61,6 @@ class Span:
     start_ns: int
     stop_ns: int
     owned: Mapping[str, tuple[int, int]]
-
-
-USUAL_PIXELS: Final = 220_000
-"""Number of pixels above which frames are large (540 x 405): they have more pixels than the detection of a fault of a
-whole field needs."""
-
-_KEPT_DEPTHS: Final = 2
-"""Depth frames in metres that a window keeps itself: both ends of an interval."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,6 +141,100 @@ class PoseSamples:
     times_ns: NDArray[np.int64]
     positions_world_m: NDArray[np.float64]
     orientations_xyzw: NDArray[np.float64]
+
+
+class Leases:
+    """Keeps an array until a window has passed in which it was not requested.
+
+    Where the limit of bytes is reached, leases of earlier windows end first, the oldest first. An array that still
+    does not fit is not kept, and is made again at a later request: that costs time and changes no result.
+
+    Parameters
+    ----------
+    limit_bytes
+        Most bytes to keep.
+    """
+
+    def __init__(self, limit_bytes: int = _UNLIMITED) -> None:
+        self.limit_bytes = limit_bytes
+        self.kept_bytes = 0
+        # Arrays that earlier windows requested and this one has not yet, and those that this one requested. Both are in
+        # the order of request.
+        self._before: dict[Hashable, Any] = {}
+        self._now: dict[Hashable, Any] = {}
+        # Bytes of each when it was made: results may keep more later.
+        self._sizes: dict[Hashable, int] = {}
+        # The latest array that did not fit: a search reads one block many times.
+        self._latest: tuple[Hashable, Any] | None = None
+
+    def begin_window(self, is_ahead: Callable[[Hashable], bool] = lambda _: False) -> None:
+        """End the leases of arrays that the last window did not request, unless a later window is to request them.
+
+        Parameters
+        ----------
+        is_ahead
+            Whether the array of a key belongs to the window that begins, or to a later one.
+        """
+        for key in tuple(self._before):
+            if not is_ahead(key):
+                self._end(key)
+        # Those that were requested last are the last to end where bytes are short.
+        self._before, self._now = self._before | self._now, {}
+        self._latest = None
+
+    def get(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return the value of a key, an array or an error in its place; ``make`` makes it where it is not kept."""
+        kept = self.find(key)
+        if kept is not None:
+            return cast(T, kept)
+        value = make()
+        self.keep(key, value)
+        return value
+
+    def find(self, key: Hashable) -> Any:
+        """Return the value of a key that is kept; None where it is not."""
+        if key in self._now:
+            return self._now[key]
+        if key in self._before:
+            value = self._now[key] = self._before.pop(key)
+            return value
+        return self._latest[1] if self._latest and self._latest[0] == key else None
+
+    def keep(self, key: Hashable, value: object) -> None:
+        """Keep the value of a key that is not kept, where it fits."""
+        size = _bytes(value)
+        while self._before and size <= self.limit_bytes < self.kept_bytes + size:
+            self._end(next(iter(self._before)))
+        if self.kept_bytes + size <= self.limit_bytes:
+            self._now[key], self._sizes[key] = value, size
+            self.kept_bytes += size
+        else:
+            self._latest = key, value
+
+    def forget(self) -> None:
+        """End all leases."""
+        self._before.clear()
+        self._now.clear()
+        self._sizes.clear()
+        self._latest = None
+        self.kept_bytes = 0
+
+    def _end(self, key: Hashable) -> None:
+        del self._before[key]
+        self.kept_bytes -= self._sizes.pop(key)
+
+
+def _bytes(value: Any) -> int:
+    """Return the bytes of an array, or of all arrays that a result holds."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    if isinstance(value, Mapping):
+        return sum(map(_bytes, value.values()))
+    if isinstance(value, tuple | list):
+        return sum(map(_bytes, value))
+    if is_dataclass(value):
+        return sum(_bytes(getattr(value, field.name)) for field in fields(value))
+    return 0
 
 
 class Window:

@@ -34,6 +34,12 @@ _FRAME_MARKERS: Final = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 
 _LONGEST_JPEG_HEADER: Final = 1 << 20
 
+_NUMBER: Final = re.compile(r"\d+(?:\.\d+)?$")
+"""The number that ends the name of an image: a count (``000123``), or a time (``1504645177.25``)."""
+
+_LONGEST_NUMBER: Final = 32
+"""Digits of such a number; nanoseconds since 1970 have 19."""
+
 
 @dataclass(frozen=True, slots=True)
 class ImageForm:
@@ -46,113 +52,6 @@ class ImageForm:
         height, width, *channels = self.shape
         kind = {1: "grey", 3: "colour", 4: "colour with transparency"}[channels[0] if channels else 1]
         return f"{width} x {height} pixels, {8 * np.dtype(self.dtype).itemsize}-bit {kind}"
-
-
-def image_form(path: Path) -> ImageForm:
-    """Return size and type of an image from its header; raises ``SourceError`` or ``OSError``."""
-    with path.open("rb") as file:
-        return _form(path, file)
-
-
-def read_image(path: Path, expected: ImageForm) -> NDArray[Any]:
-    """Decode an image, channels in the order R, G, B.
-
-    Raises
-    ------
-    SourceError
-        It is damaged, too large, or of another size or type than expected.
-    OSError
-        The file cannot be read.
-    """
-    import cv2  # noqa: PLC0415 - slow to load, and few sequences need it here
-
-    size = path.stat().st_size
-    if size > LARGEST_BYTES:
-        raise SourceError(
-            "too_large", "wrong_shape", f"Expected {path.name} in {LARGEST_BYTES} bytes at most, got {size}"
-        )
-    form, content = image_form(path), path.read_bytes()
-    # First: a damaged header may state another size.
-    (_require_sound_png if content.startswith(_PNG) else _require_sound_jpeg)(path, content)
-    if form != expected:
-        raise SourceError("wrong_shape", "wrong_shape", f"Expected {path.name} of {expected}, got {form}")
-    stored = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-    if stored is None or stored.shape != form.shape or stored.dtype != np.dtype(form.dtype):
-        raise SourceError("unreadable", "corrupt_chunk", f"Expected {path.name} to decode, got a damaged image")
-    if stored.ndim == 3:
-        # OpenCV returns B, G, R and transparency last.
-        order = cv2.COLOR_BGR2RGB if stored.shape[2] == 3 else cv2.COLOR_BGRA2RGBA
-        stored = cv2.cvtColor(stored, order)
-    return np.asarray(stored)
-
-
-def _form(path: Path, file: BinaryIO) -> ImageForm:
-    start = file.read(33)
-    if start.startswith(_PNG):
-        if len(start) < 33 or start[12:16] != b"IHDR":
-            raise SourceError(
-                "unreadable", "truncated", f"Expected the header of a PNG in {path.name}, got {len(start)} bytes"
-            )
-        width, height, bits, colour = struct.unpack(">IIBB", start[16:26])
-        channels = _CHANNELS.get(colour, 0)
-        dtype = "uint16" if bits == 16 else "uint8"
-    elif start.startswith(b"\xff\xd8"):
-        file.seek(0)
-        width, height, channels = _jpeg_size(path, file.read(_LONGEST_JPEG_HEADER))
-        dtype = "uint8"
-    else:
-        raise SourceError(
-            "unreadable", "corrupt_chunk", f"Expected a PNG or JPEG image, got something else: {path.name}"
-        )
-    if not channels or not 0 < width * height <= LARGEST_PIXELS:
-        message = f"Expected {path.name} in {LARGEST_PIXELS} pixels at most, got {width} x {height}"
-        raise SourceError("too_large", "wrong_shape", message)
-    return ImageForm((height, width) if channels == 1 else (height, width, channels), dtype)
-
-
-def _jpeg_size(path: Path, content: bytes) -> tuple[int, int, int]:
-    at = 2
-    while at + 10 <= len(content) and content[at] == 0xFF:
-        marker, length = content[at + 1], int.from_bytes(content[at + 2 : at + 4], "big")
-        if marker in _FRAME_MARKERS:
-            # Precision, height, width, number of components (ITU T.81, B.2.2).
-            height, width, components = struct.unpack(">HHB", content[at + 5 : at + 10])
-            return width, height, {1: 1, 3: 3}.get(components, 0)
-        at += 2 + length
-    raise SourceError("unreadable", "truncated", f"Expected the size of the image in {path.name}, got no such segment")
-
-
-def _require_sound_png(path: Path, content: bytes) -> None:
-    """Refuse a PNG whose chunks do not reach its end, or differ from their checksums (PNG 1.2, 3.2)."""
-    at, name = len(_PNG), b""
-    while name != b"IEND":
-        length = int.from_bytes(content[at : at + 4], "big")
-        stop = at + 12 + length
-        name = content[at + 4 : at + 8]
-        if len(name) < 4 or stop > len(content):
-            raise SourceError(
-                "unreadable", "truncated", f"Expected {path.name} to be complete, got an image that is cut off"
-            )
-        if zlib.crc32(memoryview(content)[at + 4 : stop - 4]) != int.from_bytes(content[stop - 4 : stop], "big"):
-            part = ascii(name)[2:-1]
-            message = f"Expected {path.name} to match its checksums, got another in its part {part}"
-            raise SourceError("unreadable", "corrupt_chunk", message)
-        at = stop
-
-
-def _require_sound_jpeg(path: Path, content: bytes) -> None:
-    # Cameras pad with zeros behind the marker of the end.
-    if not content.rstrip(b"\0").endswith(b"\xff\xd9"):
-        raise SourceError(
-            "unreadable", "truncated", f"Expected {path.name} to be complete, got an image that is cut off"
-        )
-
-
-_NUMBER: Final = re.compile(r"\d+(?:\.\d+)?$")
-"""The number that ends the name of an image: a count (``000123``), or a time (``1504645177.25``)."""
-
-_LONGEST_NUMBER: Final = 32
-"""Digits of such a number; nanoseconds since 1970 have 19."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,3 +177,103 @@ def left_out(numbers: NDArray[Any]) -> int | None:
     usual = int(np.median(steps))
     longer = np.flatnonzero(steps != usual)
     return int(numbers[longer[0]]) + usual if len(longer) and usual else None
+
+
+def image_form(path: Path) -> ImageForm:
+    """Return size and type of an image from its header; raises ``SourceError`` or ``OSError``."""
+    with path.open("rb") as file:
+        return _form(path, file)
+
+
+def read_image(path: Path, expected: ImageForm) -> NDArray[Any]:
+    """Decode an image, channels in the order R, G, B.
+
+    Raises
+    ------
+    SourceError
+        It is damaged, too large, or of another size or type than expected.
+    OSError
+        The file cannot be read.
+    """
+    import cv2  # noqa: PLC0415 - slow to load, and few sequences need it here
+
+    size = path.stat().st_size
+    if size > LARGEST_BYTES:
+        raise SourceError(
+            "too_large", "wrong_shape", f"Expected {path.name} in {LARGEST_BYTES} bytes at most, got {size}"
+        )
+    form, content = image_form(path), path.read_bytes()
+    # First: a damaged header may state another size.
+    (_require_sound_png if content.startswith(_PNG) else _require_sound_jpeg)(path, content)
+    if form != expected:
+        raise SourceError("wrong_shape", "wrong_shape", f"Expected {path.name} of {expected}, got {form}")
+    stored = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+    if stored is None or stored.shape != form.shape or stored.dtype != np.dtype(form.dtype):
+        raise SourceError("unreadable", "corrupt_chunk", f"Expected {path.name} to decode, got a damaged image")
+    if stored.ndim == 3:
+        # OpenCV returns B, G, R and transparency last.
+        order = cv2.COLOR_BGR2RGB if stored.shape[2] == 3 else cv2.COLOR_BGRA2RGBA
+        stored = cv2.cvtColor(stored, order)
+    return np.asarray(stored)
+
+
+def _form(path: Path, file: BinaryIO) -> ImageForm:
+    start = file.read(33)
+    if start.startswith(_PNG):
+        if len(start) < 33 or start[12:16] != b"IHDR":
+            raise SourceError(
+                "unreadable", "truncated", f"Expected the header of a PNG in {path.name}, got {len(start)} bytes"
+            )
+        width, height, bits, colour = struct.unpack(">IIBB", start[16:26])
+        channels = _CHANNELS.get(colour, 0)
+        dtype = "uint16" if bits == 16 else "uint8"
+    elif start.startswith(b"\xff\xd8"):
+        file.seek(0)
+        width, height, channels = _jpeg_size(path, file.read(_LONGEST_JPEG_HEADER))
+        dtype = "uint8"
+    else:
+        raise SourceError(
+            "unreadable", "corrupt_chunk", f"Expected a PNG or JPEG image, got something else: {path.name}"
+        )
+    if not channels or not 0 < width * height <= LARGEST_PIXELS:
+        message = f"Expected {path.name} in {LARGEST_PIXELS} pixels at most, got {width} x {height}"
+        raise SourceError("too_large", "wrong_shape", message)
+    return ImageForm((height, width) if channels == 1 else (height, width, channels), dtype)
+
+
+def _jpeg_size(path: Path, content: bytes) -> tuple[int, int, int]:
+    at = 2
+    while at + 10 <= len(content) and content[at] == 0xFF:
+        marker, length = content[at + 1], int.from_bytes(content[at + 2 : at + 4], "big")
+        if marker in _FRAME_MARKERS:
+            # Precision, height, width, number of components (ITU T.81, B.2.2).
+            height, width, components = struct.unpack(">HHB", content[at + 5 : at + 10])
+            return width, height, {1: 1, 3: 3}.get(components, 0)
+        at += 2 + length
+    raise SourceError("unreadable", "truncated", f"Expected the size of the image in {path.name}, got no such segment")
+
+
+def _require_sound_png(path: Path, content: bytes) -> None:
+    """Refuse a PNG whose chunks do not reach its end, or differ from their checksums (PNG 1.2, 3.2)."""
+    at, name = len(_PNG), b""
+    while name != b"IEND":
+        length = int.from_bytes(content[at : at + 4], "big")
+        stop = at + 12 + length
+        name = content[at + 4 : at + 8]
+        if len(name) < 4 or stop > len(content):
+            raise SourceError(
+                "unreadable", "truncated", f"Expected {path.name} to be complete, got an image that is cut off"
+            )
+        if zlib.crc32(memoryview(content)[at + 4 : stop - 4]) != int.from_bytes(content[stop - 4 : stop], "big"):
+            part = ascii(name)[2:-1]
+            message = f"Expected {path.name} to match its checksums, got another in its part {part}"
+            raise SourceError("unreadable", "corrupt_chunk", message)
+        at = stop
+
+
+def _require_sound_jpeg(path: Path, content: bytes) -> None:
+    # Cameras pad with zeros behind the marker of the end.
+    if not content.rstrip(b"\0").endswith(b"\xff\xd9"):
+        raise SourceError(
+            "unreadable", "truncated", f"Expected {path.name} to be complete, got an image that is cut off"
+        )

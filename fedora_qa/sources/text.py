@@ -12,6 +12,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from fedora_qa.errors import first_line
 from fedora_qa.sources.source import SourceError
 
 LARGEST_BYTES: Final = 64 << 20
@@ -21,6 +22,9 @@ MOST_COLUMNS: Final = 64
 
 _HEAD_LINES: Final = 8
 """Lines without numbers at the beginning, which are names of columns or remarks."""
+
+LARGEST_DOCUMENT_BYTES: Final = 1 << 20
+"""Largest document: a calibration has some kilobytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,10 +127,6 @@ def _is_number(word: str) -> bool:
     return True
 
 
-LARGEST_DOCUMENT_BYTES: Final = 1 << 20
-"""Largest document: a calibration has some kilobytes."""
-
-
 def document_value(path: Path, keys: str) -> Any:
     """Return the value at a path of keys, joined by slashes; None where there is none.
 
@@ -162,8 +162,9 @@ def _document(path: Path, changed_ns: int) -> Any:
         # The safe loader makes numbers, text, lists and tables, and runs nothing.
         return json.loads(text) if path.suffix.lower() == ".json" else yaml.load(text, Loader=_Loader)
     except (ValueError, yaml.YAMLError, RecursionError) as error:
-        first = (str(error).splitlines() or [type(error).__name__])[0]
-        raise SourceError("unreadable", "unknown", f"Expected a document in {path.name}, got: {first}") from None
+        raise SourceError(
+            "unreadable", "unknown", f"Expected a document in {path.name}, got: {first_line(error)}"
+        ) from None
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML publishes no types

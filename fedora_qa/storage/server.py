@@ -17,6 +17,32 @@ from fedora_qa.errors import MisuseError, StorageError
 from fedora_qa.storage.folder import Version, local_version
 from fedora_qa.storage.place import Place, RemoteFile
 
+# Statuses of answers of HTTP.
+_UNAUTHORIZED: Final = frozenset({401, 403})
+_ABSENT: Final = frozenset({404, 410})
+_CHANGED: Final = 412
+"""Precondition failed: the object is no longer of the version that was requested."""
+_TRANSIENT: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
+
+_CREDENTIALS: Final = (
+    "give credentials in the environment (AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, or AWS_PROFILE), "
+    "or FSSPEC_S3_ANON=true for a public bucket"
+)
+
+T = TypeVar("T")
+
+_CONNECT_S: Final = 10.0
+_SILENCE_S: Final = 60.0
+"""Longest silence of a server after which a request is given up."""
+
+_WAITS_S: Final = (0.5, 2.0)
+"""Pauses before a failed request is repeated that may succeed a moment later."""
+
+MOST_OBJECTS: Final = 200_000
+"""Objects below one prefix, as files below one folder."""
+
+_PARTS_OF_URLS: Final = frozenset("?#")
+
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
@@ -35,19 +61,185 @@ class Traffic:
 NO_TRAFFIC: Final = Traffic()
 
 
-_UNAUTHORIZED: Final = frozenset({401, 403})
-_ABSENT: Final = frozenset({404, 410})
-_CHANGED: Final = 412
-"""Precondition failed: the object is no longer of the version that was requested."""
-_TRANSIENT: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
+class Server:
+    """The server's side of one file.
 
-_CREDENTIALS: Final = (
-    "give credentials in the environment (AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, or AWS_PROFILE), "
-    "or FSSPEC_S3_ANON=true for a public bucket"
-)
+    Attributes
+    ----------
+    traffic
+        Requests and bytes so far.
+
+    Raises
+    ------
+    MisuseError
+        The extra that reads such URLs is not installed.
+    StorageError
+        Here and from every request: the file cannot be read; the message states why.
+    """
+
+    def __init__(self, place: RemoteFile) -> None:
+        self._place = place
+        self._files = _file_system(place)
+        self._open: Any = None
+        self.traffic = NO_TRAFFIC
+        self.version = self.ask_version()
+
+    def ask_version(self) -> Version:
+        """Request the present length and version of the file."""
+        # s3fs caches the facts of an object; a change shows only in a new answer.
+        refresh = {"refresh": True} if self._place.scheme == "s3" else {}
+        facts = self._request(lambda: self._files.info(self._place.url, **refresh))
+        size = facts.get("size")
+        if facts.get("type") == "directory":
+            raise StorageError(f"Expected one HDF5 file, got a folder: {self._place}")
+        if size is None:
+            raise StorageError(
+                f"Expected a server that states the length of a file, got one that does not: {self._place}"
+            )
+        # The tag that the server gives a version; empty where it states the size only.
+        return Version(
+            int(size), str(facts.get("ETag") or facts.get("LastModified") or facts.get("Last-Modified") or "")
+        )
+
+    def fetch(self, start: int, stop: int) -> bytes:
+        """Return the bytes from ``start`` to ``stop``, both within the file, of the version at the first request."""
+        fetched: bytes = self._request(lambda: self._read_range(start, stop))
+        # HDF5 would report missing bytes as damage of the file.
+        if len(fetched) != stop - start:
+            raise StorageError(f"Expected {stop - start} bytes from {start} on, got {len(fetched)}: {self._place}")
+        self.traffic += Traffic(transferred_bytes=len(fetched))
+        return fetched
+
+    def close(self) -> None:
+        """Close the file; fsspec keeps the connections for other files."""
+        if self._open is not None:
+            self._open.close()
+
+    def _read_range(self, start: int, stop: int) -> bytes:
+        if self._open is None:
+            # Requests must be answered from one version of the file: s3fs ensures this, HTTP has a header for it.
+            bound: dict[str, Any] = {}
+            if self._place.scheme != "s3":
+                # If-Match needs a strong tag (RFC 9110, 13.1.1). It begins with a quote; a weak tag or a date does not.
+                strong = self.version.tag.startswith('"')
+                bound = {"size": self.version.size, "headers": {"If-Match": self.version.tag} if strong else {}}
+            # Without a cache of fsspec: ``RemoteBytes`` caches, and the traffic is what was transferred.
+            self._open = self._files.open(self._place.url, "rb", cache_type="none", **bound)
+            self.traffic += Traffic(requests=int(self._place.scheme == "s3"))  # s3fs requests the version by itself
+        self._open.seek(start)
+        return bytes(self._open.read(stop - start))
+
+    def _request(self, request: Callable[[], T]) -> T:
+        return repeated(request, self._place, self._count)
+
+    def _count(self) -> None:
+        self.traffic += Traffic(requests=1)
 
 
-def failure_of(error: BaseException, place: RemoteFile) -> StorageError:
+def version_of(place: Place) -> Version:
+    """Return the current version of a file, wherever it lies; raises ``StorageError`` if its server withholds it."""
+    return Server(place).version if isinstance(place, RemoteFile) else local_version(place)
+
+
+@dataclass(frozen=True, slots=True)
+class RemoteObject:
+    """An object below a prefix; ``name`` is relative to it, with slashes."""
+
+    name: str
+    place: RemoteFile
+    size: int
+
+
+def list_objects(prefix: RemoteFile) -> tuple[RemoteObject, ...]:
+    """Return the objects below a prefix, in the order of their names; hidden ones are left out, as of a folder.
+
+    Raises
+    ------
+    MisuseError
+        There are more than ``MOST_OBJECTS``, or an object whose name is no part of a URL.
+    StorageError
+        The store cannot be listed; the message states why.
+    """
+    files = _file_system(prefix)
+    listed: dict[str, dict[str, Any]] = repeated(lambda: files.find(prefix.url, detail=True), prefix)
+    if len(listed) > MOST_OBJECTS:
+        raise MisuseError(f"Expected {MOST_OBJECTS} objects at most below {prefix}, got {len(listed)}")
+    root = prefix.url.removeprefix("s3://")
+    objects = []
+    for path, facts in sorted(listed.items()):
+        name = path.removeprefix(root)
+        parts = PurePosixPath(name).parts
+        if not parts or any(part.startswith(".") for part in parts) or not name.isprintable():
+            continue
+        if _PARTS_OF_URLS & set(name):
+            raise MisuseError(
+                f"Expected names without ? and # below {prefix}, got {name!r}; name the objects one by one"
+            )
+        objects.append(RemoteObject(name, RemoteFile(f"{prefix.url}{name}"), int(facts.get("size") or 0)))
+    return tuple(objects)
+
+
+def _file_system(place: RemoteFile) -> Any:
+    """Return what reads files of the scheme of a place; raises ``MisuseError`` where its extra is not installed."""
+    try:
+        import aiohttp  # noqa: PLC0415 - an extra
+        import fsspec  # noqa: PLC0415 - an extra
+
+        if place.scheme == "s3":
+            config = {"connect_timeout": _CONNECT_S, "read_timeout": _SILENCE_S}
+            return fsspec.filesystem("s3", use_listings_cache=False, config_kwargs=config)
+        # Only silence is limited: a large chunk over a slow line takes as long as it takes.
+        timeout = aiohttp.ClientTimeout(total=None, sock_connect=_CONNECT_S, sock_read=_SILENCE_S)
+        return fsspec.filesystem(place.scheme, client_kwargs={"timeout": timeout})
+    except ImportError:
+        raise MisuseError(
+            f"Expected what reads {place.scheme}:// files; install it: pip install 'fedora-qa[remote]'"
+        ) from None
+
+
+def repeated(request: Callable[[], T], place: RemoteFile, count: Callable[[], None] = lambda: None) -> T:
+    """Return what a request returns, and repeat it where it may succeed a moment later.
+
+    Parameters
+    ----------
+    place
+        For the message.
+    count
+        Called at each try.
+
+    Raises
+    ------
+    StorageError
+        The request failed; the message states why.
+    """
+    for wait_s in (*_WAITS_S, None):
+        count()
+        # No garbage collection until the request is done. h5py holds its lock while it reads, and needs it to free
+        # its objects. If the thread that does the requests collected them meanwhile, both threads would wait for
+        # each other forever (h5py issue 2019).
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            return request()
+        except Exception as error:  # noqa: BLE001 - the libraries raise errors of many types; the user gets one sentence
+            if wait_s is None or not _is_transient(error):
+                # Without its cause, whose text may hold the URL with its signature.
+                raise _failure_of(error, place) from None
+        finally:
+            if collects:
+                gc.enable()
+        time.sleep(wait_s)
+    raise AssertionError("Expected the last try to return or raise, got neither")
+
+
+def changed_error(place: RemoteFile) -> StorageError:
+    """Return the error for a file that was changed while it was read."""
+    return StorageError(
+        f"Expected the file to stay as it is while it is checked, got a change; check it again: {place}"
+    )
+
+
+def _failure_of(error: BaseException, place: RemoteFile) -> StorageError:
     """Return the error for a failed request. Raise it ``from None``: the text of its cause may hold secrets.
 
     Parameters
@@ -109,7 +301,7 @@ def failure_of(error: BaseException, place: RemoteFile) -> StorageError:
     return StorageError(f"Expected {expected}, got {got}: {place}")
 
 
-def is_transient(error: BaseException) -> bool:
+def _is_transient(error: BaseException) -> bool:
     """Whether the same request may succeed a moment later."""
     errors = tuple(_chain(error))
     status = _status(errors)
@@ -125,13 +317,6 @@ def is_transient(error: BaseException) -> bool:
         return False
     return _any_of_type(errors, TimeoutError, ConnectionError) or _any_named(
         errors, "ClientPayloadError", "ServerDisconnectedError", "FSTimeoutError", "IncompleteRead"
-    )
-
-
-def changed_error(place: RemoteFile) -> StorageError:
-    """Return the error for a file that was changed while it was read."""
-    return StorageError(
-        f"Expected the file to stay as it is while it is checked, got a change; check it again: {place}"
     )
 
 
@@ -162,9 +347,8 @@ def _certificate(errors: tuple[BaseException, ...]) -> str | None:
     """Return the reason of OpenSSL for refusing a certificate, or for a handshake that failed; None without one."""
     for error in errors:
         if isinstance(error, ssl.SSLError):
-            why = getattr(error, "verify_message", None) or getattr(
-                error, "reason", None
-            )  # aiohttp's subclass has neither
+            # The subclass of aiohttp has neither.
+            why = getattr(error, "verify_message", None) or getattr(error, "reason", None)
             if isinstance(why, str):
                 return why
     return None
@@ -189,190 +373,3 @@ def _any_named(errors: tuple[BaseException, ...], *names: str) -> bool:
 
 def _any_of_type(errors: tuple[BaseException, ...], *types: type[BaseException]) -> bool:
     return any(isinstance(error, types) for error in errors)
-
-
-T = TypeVar("T")
-
-_CONNECT_S: Final = 10.0
-_SILENCE_S: Final = 60.0
-"""Longest silence of a server after which a request is given up."""
-
-_WAITS_S: Final = (0.5, 2.0)
-"""Pauses before a failed request is repeated that may succeed a moment later."""
-
-
-class Server:
-    """The server's side of one file.
-
-    Attributes
-    ----------
-    traffic
-        Requests and bytes so far.
-
-    Raises
-    ------
-    MisuseError
-        The extra that reads such URLs is not installed.
-    StorageError
-        Here and from every request: the file cannot be read; the message states why.
-    """
-
-    def __init__(self, place: RemoteFile) -> None:
-        self._place = place
-        self._files = file_system(place)
-        self._open: Any = None
-        self.traffic = NO_TRAFFIC
-        self.version = self.ask_version()
-
-    def ask_version(self) -> Version:
-        """Request the present length and version of the file."""
-        # s3fs caches the facts of an object; a change shows only in a new answer.
-        refresh = {"refresh": True} if self._place.scheme == "s3" else {}
-        facts = self._request(lambda: self._files.info(self._place.url, **refresh))
-        size = facts.get("size")
-        if facts.get("type") == "directory":
-            raise StorageError(f"Expected one HDF5 file, got a folder: {self._place}")
-        if size is None:
-            raise StorageError(
-                f"Expected a server that states the length of a file, got one that does not: {self._place}"
-            )
-        # The tag that the server gives a version; empty where it states the size only.
-        return Version(
-            int(size), str(facts.get("ETag") or facts.get("LastModified") or facts.get("Last-Modified") or "")
-        )
-
-    def fetch(self, start: int, stop: int) -> bytes:
-        """Return the bytes from ``start`` to ``stop``, both within the file, of the version at the first request."""
-        fetched: bytes = self._request(lambda: self._read_range(start, stop))
-        # HDF5 would report missing bytes as damage of the file.
-        if len(fetched) != stop - start:
-            raise StorageError(f"Expected {stop - start} bytes from {start} on, got {len(fetched)}: {self._place}")
-        self.traffic += Traffic(transferred_bytes=len(fetched))
-        return fetched
-
-    def close(self) -> None:
-        """Close the file; fsspec keeps the connections for other files."""
-        if self._open is not None:
-            self._open.close()
-
-    def _read_range(self, start: int, stop: int) -> bytes:
-        if self._open is None:
-            # Requests must be answered from one version of the file: s3fs ensures this, HTTP has a header for it.
-            bound: dict[str, Any] = {}
-            if self._place.scheme != "s3":
-                # If-Match needs a strong tag (RFC 9110, 13.1.1). It begins with a quote; a weak tag or a date does not.
-                strong = self.version.tag.startswith('"')
-                bound = {"size": self.version.size, "headers": {"If-Match": self.version.tag} if strong else {}}
-            # Without a cache of fsspec: ``RemoteBytes`` caches, and the traffic is what was transferred.
-            self._open = self._files.open(self._place.url, "rb", cache_type="none", **bound)
-            self.traffic += Traffic(requests=int(self._place.scheme == "s3"))  # s3fs requests the version by itself
-        self._open.seek(start)
-        return bytes(self._open.read(stop - start))
-
-    def _request(self, request: Callable[[], T]) -> T:
-        return repeated(request, self._place, self._count)
-
-    def _count(self) -> None:
-        self.traffic += Traffic(requests=1)
-
-
-def file_system(place: RemoteFile) -> Any:
-    """Return what reads files of the scheme of a place; raises ``MisuseError`` where its extra is not installed."""
-    try:
-        import aiohttp  # noqa: PLC0415 - an extra
-        import fsspec  # noqa: PLC0415 - an extra
-
-        if place.scheme == "s3":
-            config = {"connect_timeout": _CONNECT_S, "read_timeout": _SILENCE_S}
-            return fsspec.filesystem("s3", use_listings_cache=False, config_kwargs=config)
-        # Only silence is limited: a large chunk over a slow line takes as long as it takes.
-        timeout = aiohttp.ClientTimeout(total=None, sock_connect=_CONNECT_S, sock_read=_SILENCE_S)
-        return fsspec.filesystem(place.scheme, client_kwargs={"timeout": timeout})
-    except ImportError:
-        raise MisuseError(
-            f"Expected what reads {place.scheme}:// files; install it: pip install 'fedora-qa[remote]'"
-        ) from None
-
-
-def repeated(request: Callable[[], T], place: RemoteFile, count: Callable[[], None] = lambda: None) -> T:
-    """Return what a request returns, and repeat it where it may succeed a moment later.
-
-    Parameters
-    ----------
-    place
-        For the message.
-    count
-        Called at each try.
-
-    Raises
-    ------
-    StorageError
-        The request failed; the message states why.
-    """
-    for wait_s in (*_WAITS_S, None):
-        count()
-        # No garbage collection until the request is done. h5py holds its lock while it reads, and needs it to free
-        # its objects. If the thread that does the requests collected them meanwhile, both threads would wait for
-        # each other forever (h5py issue 2019).
-        collects = gc.isenabled()
-        gc.disable()
-        try:
-            return request()
-        except Exception as error:  # noqa: BLE001 - the libraries raise errors of many types; the user gets one sentence
-            if wait_s is None or not is_transient(error):
-                # Without its cause, whose text may hold the URL with its signature.
-                raise failure_of(error, place) from None
-        finally:
-            if collects:
-                gc.enable()
-        time.sleep(wait_s)
-    raise AssertionError("Expected the last try to return or raise, got neither")
-
-
-def version_of(place: Place) -> Version:
-    """Return the current version of a file, wherever it lies; raises ``StorageError`` if its server withholds it."""
-    return Server(place).version if isinstance(place, RemoteFile) else local_version(place)
-
-
-MOST_OBJECTS: Final = 200_000
-"""Objects below one prefix, as files below one folder."""
-
-_PARTS_OF_URLS: Final = frozenset("?#")
-
-
-@dataclass(frozen=True, slots=True)
-class RemoteObject:
-    """An object below a prefix; ``name`` is relative to it, with slashes."""
-
-    name: str
-    place: RemoteFile
-    size: int
-
-
-def list_objects(prefix: RemoteFile) -> tuple[RemoteObject, ...]:
-    """Return the objects below a prefix, in the order of their names; hidden ones are left out, as of a folder.
-
-    Raises
-    ------
-    MisuseError
-        There are more than ``MOST_OBJECTS``, or an object whose name is no part of a URL.
-    StorageError
-        The store cannot be listed; the message states why.
-    """
-    files = file_system(prefix)
-    listed: dict[str, dict[str, Any]] = repeated(lambda: files.find(prefix.url, detail=True), prefix)
-    if len(listed) > MOST_OBJECTS:
-        raise MisuseError(f"Expected {MOST_OBJECTS} objects at most below {prefix}, got {len(listed)}")
-    root = prefix.url.removeprefix("s3://")
-    objects = []
-    for path, facts in sorted(listed.items()):
-        name = path.removeprefix(root)
-        parts = PurePosixPath(name).parts
-        if not parts or any(part.startswith(".") for part in parts) or not name.isprintable():
-            continue
-        if _PARTS_OF_URLS & set(name):
-            raise MisuseError(
-                f"Expected names without ? and # below {prefix}, got {name!r}; name the objects one by one"
-            )
-        objects.append(RemoteObject(name, RemoteFile(f"{prefix.url}{name}"), int(facts.get("size") or 0)))
-    return tuple(objects)

@@ -27,6 +27,9 @@ OTHER_FORMATS: Final = (
 )
 """First bytes of other formats that are given in place of HDF5, and what they are."""
 
+OPENING_VARIABLE: Final = "FEDORA_QA_OPENING_S"
+"""Environment variable: seconds within which a file must open."""
+
 
 def require_signature(path: Place) -> None:
     """Raise ``MisuseError`` where there is no such file, it may not be read, or it does not begin like HDF5."""
@@ -60,10 +63,6 @@ def require_signature_in(path: Place, file: BinaryIO | RemoteBytes) -> None:
         offset = 2 * offset or 512
     other = next((words for beginning, words in OTHER_FORMATS if start.startswith(beginning)), "something else")
     raise NotHdf5Error(f"Expected an HDF5 file, got {other} (no HDF5 signature): {path}")
-
-
-OPENING_VARIABLE: Final = "FEDORA_QA_OPENING_S"
-"""Environment variable: seconds within which a file must open."""
 
 
 def opening_limit_s(usual_s: float) -> float:
