@@ -6,7 +6,6 @@ therefore planted in the result of opening, as the problem that opening would re
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import nan
 from typing import ClassVar, Final
 
 import numpy as np
@@ -19,12 +18,8 @@ from fedora_qa.sequence.declared import Camera, DeclarationProblem, Declared, Ev
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
 
-NOISES: Final[Mapping[str, tuple[str, ...]]] = {
-    "imu": ("gyro_noise_density", "accel_noise_density", "gyro_bias_walk", "accel_bias_walk"),
-    "pose": ("position_sigma_m", "rotation_sigma_rad"),
-    "events": ("threshold_sigma", "leak_rate_hz", "shot_rate_hz", "hot_pixel_rate_hz"),
-}
-"""Declared noises, by stream: fields of ``ImuModel``, ``PoseModel`` and ``EventModel``."""
+_LOG_TO_LINEAR_DN: Final = 100.0
+"""Grey value, DN, at which both models give the same threshold: dL = dY / Y."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +102,8 @@ class NoiseMisdeclared:
     stream
         ``imu``, ``pose`` or ``events``.
     excess
-        Declared less actual value of each wrong noise, a field of ``NOISES``, in its own unit.
+        Declared less actual value of each wrong noise, a field of ``ImuModel``, ``PoseModel`` or ``EventModel``, in its
+        own unit.
     percent
         Excess over the actual noise, where they have one ratio.
     """
@@ -121,22 +117,6 @@ class NoiseMisdeclared:
     def magnitude(self) -> float | None:
         """Excess, percent of the actual noise."""
         return self.percent
-
-    @classmethod
-    def by_percent(cls, facts: Facts, stream: str, percent: float) -> "NoiseMisdeclared":
-        """Return the fault that makes every noise that a correct file declares too large by a ratio."""
-        model = _noise_model(facts.declared, stream)
-        declared = ((name, getattr(model, name)) for name in NOISES[stream])
-        return cls(stream, tuple((name, percent / 100 * value) for name, value in declared if value), percent)
-
-    @classmethod
-    def from_actual(cls, facts: Facts, stream: str, actual: Mapping[str, float]) -> "NoiseMisdeclared":
-        """Return the fault of a file whose actual noise, by field, was measured."""
-        model = _noise_model(facts.declared, stream)
-        excess = {name: getattr(model, name) - value for name, value in actual.items()}
-        largest = max(actual, key=lambda name: abs(excess[name]))
-        percent = 100 * excess[largest] / actual[largest] if actual[largest] else nan
-        return cls(stream, tuple(excess.items()), percent)
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Declare the wrong noise."""
@@ -208,10 +188,6 @@ def _noise_model(declared: Declared, stream: str) -> ImuModel | PoseModel | Even
             return declared.pose or PoseModel()
         case _:
             return _event_model(declared)
-
-
-_LOG_TO_LINEAR_DN: Final = 100.0
-"""Grey value, DN, at which both models give the same threshold: dL = dY / Y."""
 
 
 def absent_stream(conditions: CanaryConditions) -> Fault:

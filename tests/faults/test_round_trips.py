@@ -46,7 +46,6 @@ from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, Sw
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
-from fedora_qa.sequence.declared import Declared
 from tests.support.memory_sequence import FLOW_STRIDES, MS, MemorySequence, all_rows, facts_of, memory_sequence
 
 FLOWS = ("flow", *(f"flow/{rate}" for rate in FLOW_STRIDES))
@@ -245,18 +244,3 @@ def test_every_class_of_the_table_makes_a_round_trip() -> None:
     )  # fmt: skip
     for fault in gross:
         assert differs(FaultySequence(sequence, fault.plant(facts_of(sequence), sequence)), sequence)
-
-
-def test_declared_noise_by_percent_and_from_measurements() -> None:
-    """Both ways to state a noise agree, also where none was declared."""
-    sequence = memory_sequence()
-    facts = facts_of(sequence)
-    fault = NoiseMisdeclared.by_percent(facts, "imu", 50.0)
-    planted = FaultySequence(sequence, fault.plant(facts, sequence))
-    assert planted.declared.imu is not None
-    assert planted.declared.imu.gyro_noise_density == pytest.approx(1.5e-3)
-    fitted = NoiseMisdeclared.from_actual(facts_of(planted), "imu", {"gyro_noise_density": 1e-3})
-    assert fitted.magnitude == pytest.approx(50.0)
-    undone: Declared = FaultySequence(planted, fitted.undo(facts_of(planted), planted)).declared
-    assert undone.imu is not None
-    assert undone.imu.gyro_noise_density == pytest.approx(1e-3)

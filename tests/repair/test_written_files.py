@@ -23,7 +23,7 @@ from fedora_qa.repairs.mechanical import MECHANICAL, why_not_mechanical
 from fedora_qa.repairs.repair import repair
 from fedora_qa.repairs.result import Repair
 from fedora_qa.sequence.sequence import open_sequence
-from tests.faults.test_undo_generated import CASES, Case
+from tests.faults.test_undo_generated import CASES, Case, noise_too_large
 from tests.support.memory_sequence import facts_of
 from tests.support.repairs import given_check
 
@@ -174,7 +174,7 @@ def test_noise_is_declared(stream: str, tiny_park_noisy: Path, tmp_path: Path) -
     """Each noise by its own attribute."""
     faulty = tmp_path / "faulty.h5"
     with open_sequence(tiny_park_noisy) as sequence:
-        fault = NoiseMisdeclared.by_percent(facts_of(sequence), stream, 40.0)
+        fault = noise_too_large(facts_of(sequence), stream, 40.0)
     plant_fault(tiny_park_noisy, faulty, "noise_misdeclared", stream, 40.0)
     assert not repaired(faulty, fault).refusal
     require_equal(tmp_path / "repaired.h5", tiny_park_noisy)
