@@ -1,4 +1,8 @@
-"""A comparison in words and tables: the same in the terminal, in markdown and in the report."""
+"""A comparison in words and tables: the same in the terminal, in markdown and in the report.
+
+A sentence names a direction only where the mean changed significantly at the level of the comparison. A distribution
+may differ with an equal mean; then the sentence states its distance.
+"""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,6 +25,30 @@ from fedora_qa.record.markdown import escape, table_section
 from fedora_qa.record.tables import ABSENT, TextTable
 from fedora_qa.record.wording import OUTCOME_WORDS, number, with_error, with_unit
 
+_FLOW: Final = "flow_"
+
+_MOST_STATISTICS: Final = 3
+_MOST_RULES: Final = 3
+
+CONCLUSION_WORDS: Final[dict[Conclusion, str]] = {
+    "differs": "differs",
+    "no_difference_seen": "no difference detected",
+    "identical": "identical",
+    "not_told": "too few samples",
+}
+MOVED_WORDS: Final[dict[Moved, str]] = {
+    "moved": "moved",
+    "within_error": "within its error",
+    "changed": "changed, no error known",
+}
+DESIGN_WORDS: Final[dict[Design, str]] = {
+    "versions": "two versions of the same files, moment by moment",
+    "sequences": "two sequences",
+    "datasets": "two datasets, file by file",
+}
+
+_ROWS_SHOWN: Final = 60
+
 
 @dataclass(frozen=True, slots=True)
 class QuantityWords:
@@ -31,7 +59,6 @@ class QuantityWords:
     lower: str
 
 
-_FLOW: Final = "flow_"
 _WORDS: Final[Mapping[str, QuantityWords]] = {
     "depth_m": QuantityWords("depth", "has larger depths", "has smaller depths"),
     "luma_dn": QuantityWords("luma", "is brighter", "is darker"),
@@ -40,8 +67,6 @@ _WORDS: Final[Mapping[str, QuantityWords]] = {
         "time between events of a pixel", "has longer times between events", "has shorter times between events"
     ),
 }
-_MOST_STATISTICS: Final = 3
-_MOST_RULES: Final = 3
 
 
 def conclusions_of(comparison: Comparison) -> tuple[str, ...]:
@@ -147,26 +172,6 @@ def _words_of(quantity: str) -> QuantityWords:
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - _MOST_RULES} more" if len(names) > _MOST_RULES else ""
     return f"{', '.join(names[:_MOST_RULES])}{more}"
-
-
-CONCLUSION_WORDS: Final[dict[Conclusion, str]] = {
-    "differs": "differs",
-    "no_difference_seen": "no difference detected",
-    "identical": "identical",
-    "not_told": "too few samples",
-}
-MOVED_WORDS: Final[dict[Moved, str]] = {
-    "moved": "moved",
-    "within_error": "within its error",
-    "changed": "changed, no error known",
-}
-DESIGN_WORDS: Final[dict[Design, str]] = {
-    "versions": "two versions of the same files, moment by moment",
-    "sequences": "two sequences",
-    "datasets": "two datasets, file by file",
-}
-
-_ROWS_SHOWN: Final = 60
 
 
 @dataclass(frozen=True, slots=True)

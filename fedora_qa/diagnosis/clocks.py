@@ -18,6 +18,9 @@ from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset, unit_factor
 
+_MOSTLY_ZERO: Final = 0.9
+"""Least ratio of wrong entries for a map of zeros that was not only cut short."""
+
 
 def hypotheses_of_reset(reset: ClockReset) -> tuple[Hypothesis, ...]:
     """Return the causes of a clock reset of the events: another unit, an offset, or another rate."""
@@ -179,10 +182,6 @@ def _of_part(stream: str, part: PartInOtherUnit) -> Hypothesis:
 
 def _of_set_back(stream: str, set_back: ClockSetBack) -> Hypothesis:
     return Hypothesis("time_offset", stream, support("clocks.set_back"), set_back.offset_ms, "ms")
-
-
-_MOSTLY_ZERO: Final = 0.9
-"""Least ratio of wrong entries for a map of zeros that was not only cut short."""
 
 
 def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

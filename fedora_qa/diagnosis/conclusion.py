@@ -1,4 +1,7 @@
-"""What undoing a fault changed, and how its cause is then known: confirmed, supported or suggested."""
+"""What undoing a fault changed, and how its cause is then known: confirmed, supported or suggested.
+
+How often diagnoses of each status were right is read from what ``make power`` measured and published.
+"""
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -17,6 +20,29 @@ from fedora_qa.record.types import DiagnosisStatus
 
 HALF: Final = 0.5
 """Part of a deviation that a fault leaves at most where undoing it reduces the deviation."""
+
+_MANY_MECHANISMS: Final = frozenset(
+    {
+        "exposure_or_gamma",
+        "frame_convention",
+        "duplicated_samples",
+        "unsorted",
+        "invalid_encoding",
+        "quaternion_not_unit",
+    }
+)
+"""Causes with more mechanisms than are tried: that those clear nothing rules nothing out. Of noise of the components of
+quaternions normalising takes the lengths alone."""
+
+_MOSTLY: Final = 0.5
+"""Share of the deviations of a cause that undoing it must remove for the cause to be supported."""
+
+PUBLISHED: Final = Path(__file__).with_name("confidence.json")
+"""Rows of status, cause (empty: all causes), diagnoses that were right, and all."""
+
+FEWEST: Final = 20
+"""Diagnoses from which the frequency of one cause is used: its standard error is then 0.11 at most. With fewer, that of
+all causes of the status is used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,22 +152,6 @@ class UndoTrial:
 
 Trials = Mapping[tuple[str, str], UndoTrial]
 """Trials by cause and stream."""
-
-_MANY_MECHANISMS: Final = frozenset(
-    {
-        "exposure_or_gamma",
-        "frame_convention",
-        "duplicated_samples",
-        "unsorted",
-        "invalid_encoding",
-        "quaternion_not_unit",
-    }
-)
-"""Causes with more mechanisms than are tried: that those clear nothing rules nothing out. Of noise of the components of
-quaternions normalising takes the lengths alone."""
-
-_MOSTLY: Final = 0.5
-"""Share of the deviations of a cause that undoing it must remove for the cause to be supported."""
 
 
 def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
@@ -275,14 +285,6 @@ def _is_decided(rival: CauseCandidate, cleared: Collection[str], trials: Trials)
         return False
     contested = [finding for finding in cleared if finding in rival.evidence]
     return trial.decides(contested) if contested else trial.is_decided
-
-
-PUBLISHED: Final = Path(__file__).with_name("confidence.json")
-"""Rows of status, cause (empty: all causes), diagnoses that were right, and all."""
-
-FEWEST: Final = 20
-"""Diagnoses from which the frequency of one cause is used: its standard error is then 0.11 at most. With fewer, that of
-all causes of the status is used."""
 
 
 def confidence_of(status: DiagnosisStatus, cause: str) -> float:

@@ -77,6 +77,51 @@ DISPLACEMENTS: Final = (
 )
 """Causes that displace flow against depth: cause, stream, and a small support that adds to stronger evidence."""
 
+_SHARPNESS_GAIN_TOLERANCE: Final = 0.1
+"""Largest relative difference of a gain from a sign or a unit that counts as such."""
+
+_CAUSES_BETWEEN_RATES: Final = (
+    "flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
+    "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames", "other_sequence",
+    "time_offset", "intrinsics_focal", "intrinsics_centre", "extrinsic_rotation", "nan_in_stream", "clock_rate",
+    "time_unit", "unsorted", "duplicated_samples",
+)  # fmt: skip
+"""Causes of a deviation between rates, also those whose inverse transform was not tried."""
+
+_RESIDUAL_GAIN_TOLERANCE: Final = 0.1
+"""Largest relative difference, near the capture range, of a gain from a sign or a unit that counts as such."""
+
+_FEW_FIELDS: Final = 0.5
+"""Largest share of deviating fields for a fault of single frames."""
+
+_LARGEST_SHIFT_PX: Final = 10.0
+"""Largest shift, px, for which the slopes of a flow predict its values."""
+
+_MS_PER_PERCENT_OF_S: Final = 10.0
+
+_LINEAR: Final = 1 / 3
+"""Share of the largest size of a fault up to which tiles, with a capture range of 3 to 4 px, follow its template."""
+
+_FAULT_OF_TEMPLATE: Final = MappingProxyType({
+    "focal": ("intrinsics_focal", "percent", 30.0),
+    "centre": ("intrinsics_centre", "px", 100.0),
+    "mounting": ("extrinsic_rotation", "deg", 15.0),
+    "time": ("time_offset", "ms", 50.0),
+})  # fmt: skip
+"""Cause, unit and largest size; beyond it the template, a derivative, does not apply."""
+
+_DISPLACED_AGAINST_FRAMES: Final = tuple(
+    (cause, stream)
+    for stream, causes in (
+        ("flow", ("flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
+                  "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames",
+                  "time_offset", "other_sequence")),
+        ("rgb", ("mirrored", "spatial_offset", "time_offset", "swapped_frames", "frozen_frames", "other_sequence")),
+    )
+    for cause in causes
+)  # fmt: skip
+"""Causes that displace the flow against the frames: cause and stream."""
+
 
 def spreads_over(stream: str, off: Mapping[str, bool]) -> str:
     """Return ``flow`` where every rate deviates, otherwise the one rate: an equal deviation of all rates is one fault.
@@ -178,10 +223,6 @@ def gain_hypothesis(
     return Hypothesis("flow_gain", flow, removed_share, 100 * gain, "percent", None if error is None else 100 * error)
 
 
-_SHARPNESS_GAIN_TOLERANCE: Final = 0.1
-"""Largest relative difference of a gain from a sign or a unit that counts as such."""
-
-
 def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for one rate against the events, best supported first."""
     (sharpest,) = (feature for feature in alarm.statistic.features if isinstance(feature, SharpestFlow))
@@ -201,15 +242,6 @@ def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         Hypothesis("intrinsics_focal", flow, support("flow_events.focal_length")),
         Hypothesis("flow_rate_mixed", flow, support("flow_events.rate_mixed")),
     )
-
-
-_CAUSES: Final = (
-    "flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
-    "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames", "other_sequence",
-    "time_offset", "intrinsics_focal", "intrinsics_centre", "extrinsic_rotation", "nan_in_stream", "clock_rate",
-    "time_unit", "unsorted", "duplicated_samples",
-)  # fmt: skip
-"""Causes of a deviation between rates, also those whose inverse transform was not tried."""
 
 
 def propose_composition(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
@@ -251,44 +283,9 @@ def propose_composition(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     return named + tuple(
         Hypothesis(cause, stream, weak)
         for stream in (("flow", *pair) if all_off else pair)
-        for cause in _CAUSES
+        for cause in _CAUSES_BETWEEN_RATES
         if (cause, stream) not in already_named
     )
-
-
-_GAIN_TOLERANCE: Final = 0.1
-"""Largest relative difference, near the capture range, of a gain from a sign or a unit that counts as such."""
-
-_FEW_FIELDS: Final = 0.5
-"""Largest share of deviating fields for a fault of single frames."""
-
-_LARGEST_SHIFT_PX: Final = 10.0
-"""Largest shift, px, for which the slopes of a flow predict its values."""
-
-_MS_PER_PERCENT_OF_S: Final = 10.0
-
-_LINEAR: Final = 1 / 3
-"""Share of the largest size of a fault up to which tiles, with a capture range of 3 to 4 px, follow its template."""
-
-_FAULT_OF_TEMPLATE: Final = MappingProxyType({
-    "focal": ("intrinsics_focal", "percent", 30.0),
-    "centre": ("intrinsics_centre", "px", 100.0),
-    "mounting": ("extrinsic_rotation", "deg", 15.0),
-    "time": ("time_offset", "ms", 50.0),
-})  # fmt: skip
-"""Cause, unit and largest size; beyond it the template, a derivative, does not apply."""
-
-_DISPLACEMENTS: Final = tuple(
-    (cause, stream)
-    for stream, causes in (
-        ("flow", ("flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
-                  "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames",
-                  "time_offset", "other_sequence")),
-        ("rgb", ("mirrored", "spatial_offset", "time_offset", "swapped_frames", "frozen_frames", "other_sequence")),
-    )
-    for cause in causes
-)  # fmt: skip
-"""Causes that displace the flow against the frames: cause and stream."""
 
 
 def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
@@ -318,7 +315,8 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         by_templates.append(Hypothesis("flow_from_noisy_pose", flow, noisy))
     displaced = support("flow_photometric.displacement")
     displacements = tuple(
-        Hypothesis(cause, flow if stream == "flow" else stream, displaced) for cause, stream in _DISPLACEMENTS
+        Hypothesis(cause, flow if stream == "flow" else stream, displaced)
+        for cause, stream in _DISPLACED_AGAINST_FRAMES
     )
     return most_probable([*by_trials, *by_templates]) + displacements
 
@@ -335,7 +333,9 @@ def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplan
         by_shift = 0.0
     gain_support = support("flow_photometric.gain") * by_gain
     hypotheses = [
-        gain_hypothesis(flow, gain.sizes[0], gain.standard_error, gain_support, rate.interval_s, _GAIN_TOLERANCE),
+        gain_hypothesis(
+            flow, gain.sizes[0], gain.standard_error, gain_support, rate.interval_s, _RESIDUAL_GAIN_TOLERANCE
+        ),
         Hypothesis("spatial_offset", "rgb", by_shift, shift_px, "px"),
         # A field moved by -d assigns each pixel the vector of an image moved by d.
         Hypothesis("spatial_offset", flow, support("flow_photometric.image_shift_of_flow") * by_shift, -shift_px, "px"),

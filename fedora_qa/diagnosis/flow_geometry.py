@@ -81,6 +81,12 @@ _STREAMS_OF_PARAMETER: Final = MappingProxyType({
 """Streams in which an error of a parameter has the same effect, with the sign of the fault: a value that is declared
 too large has the effect of one that is too small in the flow. The first stream has the larger support."""
 
+_CAUSE_OF_PATTERN: Final = MappingProxyType(
+    {"constant": "time_offset", "drift": "clock_rate", "grid": "quantised_time", "unit": "time_unit"}
+)
+_THOUSANDS: Final = (1e-6, 1e-3, 1e3, 1e6)
+_SAME_LENGTH: Final = 0.02
+
 
 def propose_endpoint(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for one rate of flow against depth and pose, best supported first."""
@@ -265,13 +271,6 @@ def is_chosen(camera: Camera, cause: str) -> bool:
 def _round(value: float, to: float) -> bool:
     # Relative to the value, but to one step at least: near 0 a relative tolerance would refuse rounding errors.
     return bool(abs(value / to - np.rint(value / to)) * to < _SAME * max(abs(value), to))
-
-
-_CAUSE_OF_PATTERN: Final = MappingProxyType(
-    {"constant": "time_offset", "drift": "clock_rate", "grid": "quantised_time", "unit": "time_unit"}
-)
-_THOUSANDS: Final = (1e-6, 1e-3, 1e3, 1e6)
-_SAME_LENGTH: Final = 0.02
 
 
 def propose_validity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

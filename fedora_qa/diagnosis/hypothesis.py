@@ -1,4 +1,8 @@
-"""A cause that would explain a finding, its support by rule (``support.toml``), and what proposals share."""
+"""A cause that would explain a finding, its support by rule (``support.toml``), and what proposals share.
+
+Convention trials are made on single deviating fields of flow or pairs of depth frames; a cause must explain all of
+these.
+"""
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,8 +18,26 @@ from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
+FeatureType = TypeVar("FeatureType", bound=Feature)
+
 ANY_CAUSE: Final = "any"
 """In place of a cause: any other fault of the stream would explain the finding as well."""
+
+_SINGLE_FRAME_CAUSES: Final = ("swapped_frames", "frozen_frames", "dropped_samples", "teleport")
+"""Faults of single frames: they affect some fields or pairs. Other faults affect all, or all from some time on."""
+
+_MOST: Final = 0.5
+_FEW: Final = 0.25
+"""Shares of deviating fields or pairs: above the first, faults of single frames are less likely; below the second, the
+other faults are less likely."""
+
+_LEAST_SUPPORT: Final = 0.3
+"""Causes that remove less than this share of the deviation are not named."""
+
+_COMPARABLE: Final = 0.6
+"""Least ratio of a cause's support to that of the best cause for the cause to be named."""
+
+_MOST_HYPOTHESES: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +68,6 @@ Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 
 It reads the features of the alarm's statistic and the facts of the file, no samples: diagnosis decodes nothing.
 """
-
-
-FeatureType = TypeVar("FeatureType", bound=Feature)
 
 
 def only_feature(features: Iterable[Feature], kind: type[FeatureType]) -> FeatureType:
@@ -109,23 +128,6 @@ def support(name: str) -> float:
         The table has no such row.
     """
     return SUPPORT[name].value
-
-
-_SINGLE_FRAME_CAUSES: Final = ("swapped_frames", "frozen_frames", "dropped_samples", "teleport")
-"""Faults of single frames: they affect some fields or pairs. Other faults affect all, or all from some time on."""
-
-_MOST: Final = 0.5
-_FEW: Final = 0.25
-"""Shares of deviating fields or pairs: above the first, faults of single frames are less likely; below the second, the
-other faults are less likely."""
-
-_LEAST_SUPPORT: Final = 0.3
-"""Causes that remove less than this share of the deviation are not named."""
-
-_COMPARABLE: Final = 0.6
-"""Least ratio of a cause's support to that of the best cause for the cause to be named."""
-
-_MOST_HYPOTHESES: Final = 6
 
 
 def support_of_extent(cause: str, share_off: float) -> float:

@@ -43,6 +43,16 @@ _IN_PLACE, _OUT_OF_PLACE = 0.9, 0.75
 """Shares of coincidences: one clock is correct and the other has an offset where the share of the one is at least the
 first number, and that of the other at most the second."""
 
+# The fit is in s and s/s, the causes are in ms and ppm.
+_MS, _PPM = 1e3, 1e6
+
+_LEAST_EXPLAINED: Final = 0.5
+"""Explained share above which a group of parameters becomes a rival of the freed one."""
+
+_ROUNDED_S: Final = 1e-6 / sqrt(12.0)
+"""Standard deviation of rounding to whole microseconds, s. All timestamps of an even clock have the same rounding
+error."""
+
 
 @dataclass(frozen=True, slots=True)
 class TimingCues:
@@ -147,17 +157,6 @@ def _chance_of_coincidence(timestamps_ns: Int64) -> float:
 
 def _is_usual(gravity_m_s2: float, within_m_s2: float) -> bool:
     return min(abs(gravity_m_s2 - usual) for usual in USUAL_GRAVITIES_M_S2) <= within_m_s2
-
-
-_LEAST_EXPLAINED: Final = 0.5
-"""Explained share above which a group of parameters becomes a rival of the freed one."""
-
-# The fit is in s and s/s, the causes are in ms and ppm.
-_MS, _PPM = 1e3, 1e6
-
-_ROUNDED_S: Final = 1e-6 / sqrt(12.0)
-"""Standard deviation of rounding to whole microseconds, s. All timestamps of an even clock have the same rounding
-error."""
 
 
 def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

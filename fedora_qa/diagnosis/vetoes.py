@@ -24,6 +24,8 @@ from fedora_qa.sequence.facts import Facts
 
 Place = Literal["in", "out", "unknown"]
 
+_EVENTS, _INERTIAL = "event_response.timing", "imu.timing"
+
 _WHOLE: Final = 0.02
 """Largest part of a period by which an offset may differ from whole periods to count as whole: its fit has an error."""
 
@@ -32,6 +34,69 @@ _ALL: Final = 0.999
 
 _FEWEST_OTHERS: Final = 2
 """Streams that must agree with each other, because of two clocks that disagree either may be wrong."""
+
+_TELEPORT: Final = ("teleport", "pose")
+
+_MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
+    {
+        ("time_offset", "events"): (_EVENTS, "time_offset"),
+        ("time_offset", "rgb"): (_EVENTS, "time_offset"),
+        ("time_offset", "imu"): (_INERTIAL, "time_offset"),
+        ("time_offset", "pose"): (_INERTIAL, "time_offset"),
+        ("clock_rate", "events"): (_EVENTS, "clock_rate"),
+        ("clock_rate", "rgb"): (_EVENTS, "clock_rate"),
+        ("clock_rate", "imu"): (_INERTIAL, "clock_rate"),
+        ("clock_rate", "pose"): (_INERTIAL, "pose_clock_rate"),
+        _TELEPORT: ("pose.continuity", "position_jump"),
+    }
+)
+"""Check and measurement of the size of a cause, in its unit, by cause and stream."""
+
+_OF_FLOW: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "flow_gain": ("gain",),
+        "intrinsics_focal": ("focal",),
+        "intrinsics_centre": ("centre_u", "centre_v"),
+        "extrinsic_rotation": ("mounting_pitch", "mounting_yaw", "mounting_roll"),
+    }
+)
+"""Components of the size of a fault of flow that the frames measure for each rate, in the unit of the cause."""
+
+_IN_ORDER: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
+    {
+        ("exposure_or_gamma", "rgb"): ("images.exposure", "images.transfer", "event_response.threshold"),
+        ("threshold_misdeclared", "events"): ("event_response.threshold",),
+        ("event_model_misdeclared", "events"): ("event_response.model",),
+        # Vignetting of a part of the file is a jump where it begins.
+        ("vignetting", "rgb"): ("images.vignetting", "images.exposure"),
+        ("depth_ray_not_z", "depth"): ("depth.projection",),
+        # Repeats are counted bit by bit, and straight lines leave no curvature.
+        ("frozen_frames", "pose"): ("pose.continuity",),
+        ("interpolated_pose", "pose"): ("pose.continuity",),
+        ("quaternion_not_unit", "pose"): ("pose.orientation",),
+    }
+)
+"""Checks that measure a cause of the whole file: where all of them pass, it is not the cause, whatever its undoing may
+clear by chance."""
+
+_CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "events": ("event_response.orientation",),
+        "rgb": ("event_response.orientation", "flow_photometric.residual"),
+        "depth": ("depth.consistency", "alignment.depth"),
+        "flow": ("flow_photometric.residual", "flow_geometry.endpoint"),
+        "imu": ("imu.timing",),
+        "pose": ("imu.timing", "depth.consistency"),
+    }
+)
+"""Checks that correlate a stream with others: where one of them passes, the stream is of the same sequence."""
+
+_ATTITUDE_CONVENTIONS: Final = frozenset({"quaternion_order", "quaternion_inverted", "frame_convention"})
+"""Causes by which attitudes are those of another body."""
+
+_OWN: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({"pose": ("pose.orientation", "pose.continuity")})
+"""Checks of a stream by itself that another sequence does not fail: where they fail, the stream does not correlate with
+others for that reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,72 +187,6 @@ def _coincide(first_ns: NDArray[np.int64], second_ns: NDArray[np.int64]) -> bool
         return False
     within = fewer_ns[(fewer_ns >= more_ns.min()) & (fewer_ns <= more_ns.max())]
     return 2 * len(within) >= len(fewer_ns) and float(np.mean(np.isin(within, more_ns))) >= _ALL
-
-
-_EVENTS, _INERTIAL = "event_response.timing", "imu.timing"
-_TELEPORT: Final = ("teleport", "pose")
-
-_MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
-    {
-        ("time_offset", "events"): (_EVENTS, "time_offset"),
-        ("time_offset", "rgb"): (_EVENTS, "time_offset"),
-        ("time_offset", "imu"): (_INERTIAL, "time_offset"),
-        ("time_offset", "pose"): (_INERTIAL, "time_offset"),
-        ("clock_rate", "events"): (_EVENTS, "clock_rate"),
-        ("clock_rate", "rgb"): (_EVENTS, "clock_rate"),
-        ("clock_rate", "imu"): (_INERTIAL, "clock_rate"),
-        ("clock_rate", "pose"): (_INERTIAL, "pose_clock_rate"),
-        _TELEPORT: ("pose.continuity", "position_jump"),
-    }
-)
-"""Check and measurement of the size of a cause, in its unit, by cause and stream."""
-
-_OF_FLOW: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "flow_gain": ("gain",),
-        "intrinsics_focal": ("focal",),
-        "intrinsics_centre": ("centre_u", "centre_v"),
-        "extrinsic_rotation": ("mounting_pitch", "mounting_yaw", "mounting_roll"),
-    }
-)
-"""Components of the size of a fault of flow that the frames measure for each rate, in the unit of the cause."""
-
-_IN_ORDER: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
-    {
-        ("exposure_or_gamma", "rgb"): ("images.exposure", "images.transfer", "event_response.threshold"),
-        ("threshold_misdeclared", "events"): ("event_response.threshold",),
-        ("event_model_misdeclared", "events"): ("event_response.model",),
-        # Vignetting of a part of the file is a jump where it begins.
-        ("vignetting", "rgb"): ("images.vignetting", "images.exposure"),
-        ("depth_ray_not_z", "depth"): ("depth.projection",),
-        # Repeats are counted bit by bit, and straight lines leave no curvature.
-        ("frozen_frames", "pose"): ("pose.continuity",),
-        ("interpolated_pose", "pose"): ("pose.continuity",),
-        ("quaternion_not_unit", "pose"): ("pose.orientation",),
-    }
-)
-"""Checks that measure a cause of the whole file: where all of them pass, it is not the cause, whatever its undoing may
-clear by chance."""
-
-_CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "events": ("event_response.orientation",),
-        "rgb": ("event_response.orientation", "flow_photometric.residual"),
-        "depth": ("depth.consistency", "alignment.depth"),
-        "flow": ("flow_photometric.residual", "flow_geometry.endpoint"),
-        "imu": ("imu.timing",),
-        "pose": ("imu.timing", "depth.consistency"),
-    }
-)
-"""Checks that correlate a stream with others: where one of them passes, the stream is of the same sequence."""
-
-
-_ATTITUDE_CONVENTIONS: Final = frozenset({"quaternion_order", "quaternion_inverted", "frame_convention"})
-"""Causes by which attitudes are those of another body."""
-
-_OWN: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({"pose": ("pose.orientation", "pose.continuity")})
-"""Checks of a stream by itself that another sequence does not fail: where they fail, the stream does not correlate with
-others for that reason."""
 
 
 def contradicts(

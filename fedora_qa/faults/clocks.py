@@ -25,6 +25,12 @@ from fedora_qa.sequence.sequence import SequenceRows
 
 Int64 = NDArray[np.int64]
 
+_SEED = 1
+_THOUSAND = 1_000
+_COARSE_TICKS = 1_000
+"""Ratio of the coarse grid to the declared one. By chance a thousand events lie on the coarse grid with a probability
+of 1e-3000."""
+
 _LARGEST_WHOLE: Final = 10**9
 """Largest factor between two units of time that occur (s and ns)."""
 
@@ -181,13 +187,6 @@ def _retimed(
 
     keys = [timestamps_of(name) for name in streams_in(facts, fault.stream)]
     return Fault(description, dict.fromkeys(keys, in_rows(alter, fault.rows)))
-
-
-_SEED = 1
-_THOUSAND = 1_000
-_COARSE_TICKS = 1_000
-"""Ratio of the coarse grid to the declared one. By chance a thousand events lie on the coarse grid with a probability
-of 1e-3000."""
 
 
 def exchanged_timestamps(conditions: CanaryConditions) -> Fault:

@@ -13,6 +13,17 @@ from fedora_qa.faults.fault import Fault, Read, values
 from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
 from fedora_qa.layout.canonical import spec_of, timestamps_of
 
+_COARSE_FLOW_PX: Final = 0.7
+_COARSE: Final[Mapping[str, float]] = MappingProxyType(
+    {
+        "path/depth": 700.0,
+        "path/imu/linear_acceleration": 0.07,
+        "path/pose/position": 0.07,
+    }
+)
+"""Steps in the unit of the dataset (mm, m/s^2, m) that no use of the values tolerates. Images come first: they hold
+enough values to show a step whatever the motion is."""
+
 
 def undecodable(conditions: CanaryConditions) -> Fault:
     """No row of a dataset decodes. The timestamps of its stream decode, so that windows of the stream exist."""
@@ -50,18 +61,6 @@ def _first_infinite(stored: NDArray[Any]) -> NDArray[Any]:
     # Index 0 of each axis except that of time: one value for each row, for any rank.
     altered[(slice(None), *(slice(1),) * (stored.ndim - 1))] = np.inf
     return altered
-
-
-_COARSE_FLOW_PX: Final = 0.7
-_COARSE: Final[Mapping[str, float]] = MappingProxyType(
-    {
-        "path/depth": 700.0,
-        "path/imu/linear_acceleration": 0.07,
-        "path/pose/position": 0.07,
-    }
-)
-"""Steps in the unit of the dataset (mm, m/s^2, m) that no use of the values tolerates. Images come first: they hold
-enough values to show a step whatever the motion is."""
 
 
 def coarse_values(conditions: CanaryConditions) -> Fault:

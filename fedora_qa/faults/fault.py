@@ -26,6 +26,12 @@ Read = Callable[[int, int], NDArray[Any]]
 Alteration = Callable[[Read, int, int], NDArray[Any]]
 """Returns rows ``start`` to ``stop`` (excluded) with the fault; never writes into the arrays that it reads."""
 
+RowRange = tuple[int, int | None]
+"""First row, and the row after the last; None: to the end of the stream."""
+
+Vector3 = tuple[float, float, float]
+Matrix3 = tuple[Vector3, Vector3, Vector3]
+
 
 @dataclass(frozen=True, slots=True)
 class Fault:
@@ -153,13 +159,6 @@ class FaultySequence:
     def chunk_rows(self, key: str) -> int:
         """Return the number of rows of a dataset that are stored together."""
         return self._sequence.chunk_rows(key)
-
-
-RowRange = tuple[int, int | None]
-"""First row, and the row after the last; None: to the end of the stream."""
-
-Vector3 = tuple[float, float, float]
-Matrix3 = tuple[Vector3, Vector3, Vector3]
 
 
 class InapplicableError(Exception):

@@ -13,6 +13,8 @@ from fedora_qa.faults.units import FlowGain, FlowSign
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
 
+_BLOCK_PX: Final = 8
+
 
 @dataclass(frozen=True, slots=True)
 class FlowIntervalShift:
@@ -64,9 +66,6 @@ def _later_by(later: int, count: int) -> Alteration:
         return fields
 
     return alter
-
-
-_BLOCK_PX: Final = 8
 
 
 def larger(conditions: CanaryConditions) -> Fault:

@@ -37,6 +37,22 @@ Transfer = Literal["linear", "srgb", "gamma2.2"]
 _CODES: Final = np.arange(WHITE_DN + 1)
 """The 256 codes of eight bits."""
 
+_LEAST_GAIN: Final = 0.1
+"""Least relative change of brightness, 0 to 1. With eight bits it changes every grey value above 5 DN."""
+_LEAST_POWER: Final = 0.5
+"""Least excess of the exponent above 1. Contrasts are then 1.5 times as large; the transfer curve of a display makes
+them more than twice as large."""
+_LEAST_LOSS_PERCENT: Final = 2.0
+"""Least loss of light in the corner: with eight bits it changes the grey values there from 25 DN on."""
+_LARGEST_LOSS: Final = 0.9
+"""Largest loss (0 to 1) of light in the corner, so that corners keep contrast."""
+_EXCHANGES: Final = ("RBG", "GRB", "BGR")
+_SPARSELY: Final = 8
+"""Frames are exchanged in every 8th interval. Three of eight intervals are then out of order, so that the median of all
+intervals does not change."""
+_DARKEST: Final = 0.3
+"""Least share (0 to 1) of the brightness after a jump of exposure, so that images keep contrast."""
+
 
 @dataclass(frozen=True, slots=True)
 class ChannelOrder:
@@ -304,23 +320,6 @@ def _camera(facts: Facts, name: str) -> Camera:
     if name not in facts.declared.cameras:
         raise InapplicableError(f"Expected a declared {name} camera, got none: its intrinsics are needed")
     return facts.declared.cameras[name]
-
-
-_LEAST_GAIN: Final = 0.1
-"""Least relative change of brightness, 0 to 1. With eight bits it changes every grey value above 5 DN."""
-_LEAST_POWER: Final = 0.5
-"""Least excess of the exponent above 1. Contrasts are then 1.5 times as large; the transfer curve of a display makes
-them more than twice as large."""
-_LEAST_LOSS_PERCENT: Final = 2.0
-"""Least loss of light in the corner: with eight bits it changes the grey values there from 25 DN on."""
-_LARGEST_LOSS: Final = 0.9
-"""Largest loss (0 to 1) of light in the corner, so that corners keep contrast."""
-_EXCHANGES: Final = ("RBG", "GRB", "BGR")
-_SPARSELY: Final = 8
-"""Frames are exchanged in every 8th interval. Three of eight intervals are then out of order, so that the median of all
-intervals does not change."""
-_DARKEST: Final = 0.3
-"""Least share (0 to 1) of the brightness after a jump of exposure, so that images keep contrast."""
 
 
 def frozen_colour(conditions: CanaryConditions) -> Fault:

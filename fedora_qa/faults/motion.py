@@ -30,6 +30,8 @@ _GYRO, _ACCEL = "path/imu/angular_velocity", "path/imu/linear_acceleration"
 _POSITION, _ORIENTATION = "path/pose/position", "path/pose/orientation"
 _UP: Final = np.array([0.0, 0.0, 1.0])
 
+_LEAST_STRETCH: Final = 1e-3
+
 
 @dataclass(frozen=True, slots=True)
 class GyroBias:
@@ -359,9 +361,6 @@ def _lifted(facts: Facts, sequence: SequenceRows, description: str, upward_m_s2:
         return np.asarray(forces + upward_m_s2 * np.einsum("nji,j->ni", R_world_body, _UP))
 
     return Fault(description, {_ACCEL: alter})
-
-
-_LEAST_STRETCH: Final = 1e-3
 
 
 def long_quaternions(conditions: CanaryConditions) -> Fault:

@@ -32,12 +32,17 @@ from fedora_qa.sequence.sequence import SequenceRows
 
 _X, _Y, _P = "path/events/x", "path/events/y", "path/events/p"
 
+_T = "path/events/t"
+
 _COLUMN_AXIS: Final = 2
 _ROW_AXIS: Final = 1
 """Axes of images are (time, row, column, ...)."""
 
 _WITH_COMPONENTS: Final = 3
 """Axes of a field of flow: row, column, component."""
+
+_FEWEST_IN_PACKETS: Final = 16.0
+"""Least mean number of events of a tick. If all events are doubled, nearly every tick then holds four pairs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,12 +247,6 @@ def _sensor_size(facts: Facts) -> tuple[int, int]:
     if camera is None:
         raise InapplicableError("Expected a declared event camera, got none: the size of the sensor is needed")
     return camera.width, camera.height
-
-
-_FEWEST_IN_PACKETS: Final = 16.0
-"""Least mean number of events of a tick. If all events are doubled, nearly every tick then holds four pairs."""
-
-_T = "path/events/t"
 
 
 def outside_of_the_sensor(conditions: CanaryConditions) -> Fault:

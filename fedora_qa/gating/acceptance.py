@@ -32,14 +32,22 @@ from fedora_qa.record.types import (
     names_in_release,
 )
 
-GRAVE: Final[frozenset[Severity]] = frozenset({"critical", "error"})
+_GRAVE: Final[frozenset[Severity]] = frozenset({"critical", "error"})
 """Severities of findings that fail a check."""
 
 Mark = Callable[[Result, Finding], Finding]
 """Returns a finding with the severity and message that it is to have."""
 
+NonEmpty = Annotated[str, Field(min_length=1)]
 
-def mark_findings(file: FileRecord, mark: Mark) -> FileRecord:
+_KNOWN_SEVERITIES = _GRAVE | {"warning"}
+"""Severities of an earlier record's findings that count as known. Waived findings are information and do not."""
+
+Key = tuple[str, str, str, str | None, str]
+"""Name of the file, check, code, stream; and of a rule about the release its message, which holds no noise."""
+
+
+def _mark_findings(file: FileRecord, mark: Mark) -> FileRecord:
     """Return the file with all findings changed by ``mark``; a check fails where a finding is grave, and else warns."""
     results = []
     for result in file.results:
@@ -50,7 +58,7 @@ def mark_findings(file: FileRecord, mark: Mark) -> FileRecord:
         elif result.outcome not in {"failed", "warned"}:
             results.append(replace(result, findings=findings))
         else:
-            grave = any(finding.severity in GRAVE for finding in findings)
+            grave = any(finding.severity in _GRAVE for finding in findings)
             results.append(replace(result, findings=findings, outcome="failed" if grave else "warned"))
     return replace(file, results=tuple(results))
 
@@ -81,10 +89,7 @@ def with_severity(
         unnamed: Severity = "error" if fail_on == "warned" and result.outcome == "warned" else finding.severity
         return replace(finding, severity=named or unnamed)
 
-    return mark_findings(file, mark)
-
-
-NonEmpty = Annotated[str, Field(min_length=1)]
+    return _mark_findings(file, mark)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +166,7 @@ def waive(name: str, file: FileRecord, waivers: Iterable[Waiver], today: date) -
                 return replace(finding, severity="info", message=message, waived=waived)
         return finding
 
-    return mark_findings(file, mark)
+    return _mark_findings(file, mark)
 
 
 def rule_on_waivers(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[Waiver], today: date) -> ReleaseResult:
@@ -190,13 +195,6 @@ def rule_on_waivers(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[W
             message = f"Expected waivers that are needed, got one that covers no finding: {what}; remove it"
             violations.append(Violation(FOLDER, "unused", message))
     return ReleaseResult("release.waivers", question, FOLDER, tuple(violations))
-
-
-_KNOWN_SEVERITIES = GRAVE | {"warning"}
-"""Severities of an earlier record's findings that count as known. Waived findings are information and do not."""
-
-Key = tuple[str, str, str, str | None, str]
-"""Name of the file, check, code, stream; and of a rule about the release its message, which holds no noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,7 +251,7 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
     def mark(result: Result, finding: Finding) -> Finding:
         keys = Counter(_keys(name, result, finding))
         # A finding is known where it is known at all its places.
-        if finding.severity not in GRAVE or not keys <= left:
+        if finding.severity not in _GRAVE or not keys <= left:
             return finding
         # Whether any value lies farther out than before, beyond the errors of both. The difference of two correct
         # deviations is normal with the variances of both. The check's measurements share the rate (Bonferroni).
@@ -271,7 +269,7 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
         left.subtract(keys)
         return replace(finding, severity="warning", message=f"{finding.message} Known from the baseline.")
 
-    return mark_findings(file, mark)
+    return _mark_findings(file, mark)
 
 
 def _keys(name: str, result: Result, finding: Finding) -> tuple[Key, ...]:

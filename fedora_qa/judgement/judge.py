@@ -33,6 +33,14 @@ from fedora_qa.record.wording import with_unit
 # Probability with which a deviation of the size of the detection limit is detected.
 DEFAULT_POWER = 0.95
 
+_NAMED_IN_REASON: Final = 3
+"""Largest number of measurements that a reason names; a fit of the IMU can have twenty."""
+
+_SPREAD: Final = 2.0
+"""Ratio of the highest to the lowest detection limit from which they are stated as a range."""
+
+STRICT: Final = Materiality("strict")
+
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
@@ -121,14 +129,6 @@ def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFA
     return Tolerance(z_limit=normal_beyond(rate_of_comparison / 2), z_power=normal_beyond(1 - power))
 
 
-_NAMED_IN_REASON: Final = 3
-"""Largest number of measurements that a reason names; a fit of the IMU can have twenty."""
-
-
-_SPREAD: Final = 2.0
-"""Ratio of the highest to the lowest detection limit from which they are stated as a range."""
-
-
 @dataclass(frozen=True, slots=True)
 class Alarm:
     """A finding together with the statistic that exceeds its limit.
@@ -159,9 +159,6 @@ class Judged:
 
     result: Result
     alarms: tuple[Alarm, ...] = ()
-
-
-STRICT: Final = Materiality("strict")
 
 
 def judge(

@@ -24,6 +24,27 @@ from fedora_qa.record.power_study import (
 
 CONFIDENCE = 0.95
 
+_DIMENSIONS: Final[tuple[Mapping[str, float], ...]] = (
+    {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0},
+    {"mm": 1e-3, "cm": 1e-2, "m": 1.0},
+    {"deg": pi / 180, "rad": 1.0},
+    {"deg/s": pi / 180, "rad/s": 1.0},
+    {"mm/s^2": 1e-3, "m/s^2": 1.0},
+    {"ppm": 1e-6, "percent": 1e-2, "%": 1e-2, "share": 1.0, "1": 1.0},
+    {"samples": 1.0, "frames": 1.0},
+)
+"""Each unit's size, by dimension. Pure numbers are one dimension: a factor of 1.01 is a gain of one percent."""
+
+WORSE_WHEN_SMALLER: Final = frozenset({"interpolated_pose"})
+"""Causes whose fault grows as their magnitude falls: poses interpolated from 20 Hz are worse than from 50 Hz."""
+
+UNKNOWN: Final = Estimate(None, None, None)
+
+_FEWEST: Final = 5
+"""Trials, of three sizes at least, below which no curve is fitted."""
+_POINTS: Final = 33
+_GROUPS: Final = 6
+
 
 def share_of(count: int, of: int) -> Share:
     """Return a share with its exact two-sided interval of 95%.
@@ -61,18 +82,6 @@ def chance_of(count: int, of: int, rate: float) -> float:
     return float(binom.sf(count - 1, of, rate))
 
 
-_DIMENSIONS: Final[tuple[Mapping[str, float], ...]] = (
-    {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0},
-    {"mm": 1e-3, "cm": 1e-2, "m": 1.0},
-    {"deg": pi / 180, "rad": 1.0},
-    {"deg/s": pi / 180, "rad/s": 1.0},
-    {"mm/s^2": 1e-3, "m/s^2": 1.0},
-    {"ppm": 1e-6, "percent": 1e-2, "%": 1e-2, "share": 1.0, "1": 1.0},
-    {"samples": 1.0, "frames": 1.0},
-)
-"""Each unit's size, by dimension. Pure numbers are one dimension: a factor of 1.01 is a gain of one percent."""
-
-
 def factor_between(unit: str, other: str) -> float | None:
     """Return how many of ``other`` one of ``unit`` is; None where they measure different things."""
     if unit == other:
@@ -81,17 +90,6 @@ def factor_between(unit: str, other: str) -> float | None:
         if unit in sizes and other in sizes:
             return sizes[unit] / sizes[other]
     return None
-
-
-WORSE_WHEN_SMALLER: Final = frozenset({"interpolated_pose"})
-"""Causes whose fault grows as their magnitude falls: poses interpolated from 20 Hz are worse than from 50 Hz."""
-
-UNKNOWN: Final = Estimate(None, None, None)
-
-_FEWEST: Final = 5
-"""Trials, of three sizes at least, below which no curve is fitted."""
-_POINTS: Final = 33
-_GROUPS: Final = 6
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,9 @@ from fedora_qa.record.documents import read_json
 from fedora_qa.record.types import DiagnosisStatus, FileRecord, Measurement, Result, Side
 from fedora_qa.storage.digest import file_digest
 
+Report = Callable[[str, int, int], None]
+"""Receives the name of the file that was checked, how many are done, and of how many."""
+
 
 @dataclass(frozen=True, slots=True)
 class MeasuredDeviation:
@@ -167,10 +170,6 @@ def _excess(measurement: Measurement) -> float:
     deviation = measurement.value - measurement.expected
     counted = {"both": abs(deviation), "upper": deviation, "lower": -deviation}[measurement.side]
     return counted - measurement.limit
-
-
-Report = Callable[[str, int, int], None]
-"""Receives the name of the file that was checked, how many are done, and of how many."""
 
 
 @dataclass(frozen=True, slots=True)

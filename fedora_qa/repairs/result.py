@@ -13,6 +13,12 @@ from fedora_qa.record.types import IMMATERIAL, Diagnosis, FileRecord, Finding, O
 from fedora_qa.record.wording import findings_of
 from fedora_qa.repairs.write import DatasetChange
 
+_Broken = tuple[str, str | None]
+"""Code of a rule, and the stream that breaks it."""
+
+_WITHOUT_ANSWER: Final[frozenset[Outcome]] = frozenset({"crashed", "not_applicable"})
+"""Outcomes of a check that did not measure the file at all."""
+
 
 @dataclass(frozen=True, slots=True)
 class RepairStep:
@@ -69,13 +75,6 @@ class Repair:
     beside: tuple[str, ...] = ()
     refusal: str = ""
     after: FileRecord | None = None
-
-
-_Broken = tuple[str, str | None]
-"""Code of a rule, and the stream that breaks it."""
-
-_WITHOUT_ANSWER: Final[frozenset[Outcome]] = frozenset({"crashed", "not_applicable"})
-"""Outcomes of a check that did not measure the file at all."""
 
 
 def why_not_better(before: FileRecord, after: FileRecord, steps: Iterable[RepairStep]) -> str:

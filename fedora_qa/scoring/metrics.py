@@ -48,6 +48,9 @@ Float64 = NDArray[np.float64]
 
 PartKey = tuple[Split, str]
 
+Poses = tuple[Float64, Float64]
+"""Positions (n, 3), m in the world, and orientations (n, 4), unit quaternions x, y, z, w, body to world."""
+
 _SPLITS: Final = get_args(Split)
 
 DEPTH_EDGES_M: Final = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
@@ -62,6 +65,16 @@ _DEPTH_PARTS: Final = (
 NEAR_EDGE_PX: Final = 10.0
 """A pixel closer than this to a step of depth is near an edge: the distance that MPI-Sintel has for boundaries of
 occlusion (D. Butler et al., A naturalistic open source movie for optical flow evaluation, ECCV 2012)."""
+
+OUTLIER_PX: Final = 3.0
+OUTLIER_SHARE: Final = 0.05
+"""KITTI's outlier errs by more than 3 px and by more than 5% of the true flow."""
+
+WITHIN_FACTOR: Final = 1.25
+
+_FLAT: Final = 1e-12
+"""Variance across a line, relative to that along it, below which positions lie on the line, and no rotation about it
+follows from them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,11 +199,6 @@ def share(part: float, whole: float) -> float | None:
     return part / whole if whole else None
 
 
-OUTLIER_PX: Final = 3.0
-OUTLIER_SHARE: Final = 0.05
-"""KITTI's outlier errs by more than 3 px and by more than 5% of the true flow."""
-
-
 def flow_errors(truth_px: NDArray[Any], predicted_px: NDArray[Any]) -> tuple[dict[str, Float64], NDArray[np.bool_]]:
     """Return the errors of a flow field, to be summed.
 
@@ -257,9 +265,6 @@ def flow_accuracy(key: PartKey, totals: Mapping[str, float]) -> FlowAccuracy:
     )
 
 
-WITHIN_FACTOR: Final = 1.25
-
-
 def depth_errors(truth_m: NDArray[Any], predicted_m: NDArray[Any]) -> tuple[dict[str, Float64], NDArray[np.bool_]]:
     """Return the errors of a depth frame, to be summed.
 
@@ -276,9 +281,9 @@ def depth_errors(truth_m: NDArray[Any], predicted_m: NDArray[Any]) -> tuple[dict
     valid
         (H, W) the valid pixels.
     """
-    valid = is_depth(truth_m)
+    valid = _is_depth(truth_m)
     truth, predicted = truth_m[valid].astype(np.float64), predicted_m[valid].astype(np.float64)
-    scored = is_depth(predicted)
+    scored = _is_depth(predicted)
     # What is not scored counts nowhere: the prediction is the truth there, and the truth's own sum leaves it out.
     predicted = np.where(scored, predicted, truth)
     log_error = np.log(predicted / truth)
@@ -320,21 +325,13 @@ def depth_accuracy(key: PartKey, totals: Mapping[str, float]) -> DepthAccuracy:
     )
 
 
-def is_depth(depth: NDArray[Any]) -> NDArray[np.bool_]:
+def _is_depth(depth: NDArray[Any]) -> NDArray[np.bool_]:
     """Return where depth is finite and above 0."""
     return np.asarray(np.isfinite(depth) & (depth > 0))
 
 
 def _root(mean_square: float | None) -> float | None:
     return None if mean_square is None else math.sqrt(mean_square)
-
-
-_FLAT: Final = 1e-12
-"""Variance across a line, relative to that along it, below which positions lie on the line, and no rotation about it
-follows from them."""
-
-Poses = tuple[Float64, Float64]
-"""Positions (n, 3), m in the world, and orientations (n, 4), unit quaternions x, y, z, w, body to world."""
 
 
 def aligned(truth: Poses, predicted: Poses, *, with_scale: bool) -> Poses | None:

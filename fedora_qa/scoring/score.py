@@ -56,8 +56,18 @@ from fedora_qa.sequence.sequence import Sequence, file_times_us, open_sequence
 Float32 = NDArray[np.float32]
 Int64 = NDArray[np.int64]
 
+Float64 = NDArray[np.float64]
 
-class PairedSequence:
+MOST_POINTS: Final = 200
+"""Most points of errors over time: more rows are taken together."""
+
+_SAME_RATIO: Final = 1.1
+"""Ratio of two scales that may be the same: a learner errs by a few percent on average, a unit by far more."""
+
+_ALIGNMENTS: Final[tuple[Alignment, ...]] = ("none", "rigid", "similarity")
+
+
+class _PairedSequence:
     """The truth and its predictions.
 
     Attributes
@@ -146,33 +156,12 @@ class PairedSequence:
         rows = np.flatnonzero(self._depth_times_us == time_us)
         if self._depth is None or not len(rows):
             return None
-        depth_m = depth_in_m(self._depth.row(int(rows[0])))
+        depth_m = _depth_in_m(self._depth.row(int(rows[0])))
         return depth_m if depth_m.shape == tuple(size) else None
 
     def _times_us(self, stream: str) -> Int64:
         key = timestamps_of(stream)
         return file_times_us(self.truth, key, 0, self.truth.layout.bindings[key].rows)
-
-
-def depth_in_m(depth_mm: NDArray[Any]) -> Float32:
-    """Return depth in m."""
-    return np.asarray(depth_mm, np.float32) / np.float32(MM_PER_M)
-
-
-def _size(shape: tuple[int, ...]) -> str:
-    """Return the size of the rows of a dataset, in words."""
-    return f"{shape[2]} x {shape[1]} px" if len(shape) > 2 else f"{shape[1]} columns"
-
-
-Float64 = NDArray[np.float64]
-
-MOST_POINTS: Final = 200
-"""Most points of errors over time: more rows are taken together."""
-
-_SAME_RATIO: Final = 1.1
-"""Ratio of two scales that may be the same: a learner errs by a few percent on average, a unit by far more."""
-
-_ALIGNMENTS: Final[tuple[Alignment, ...]] = ("none", "rigid", "similarity")
 
 
 def score_sequence(
@@ -209,7 +198,7 @@ def score_sequence(
     """
     with _open_truth(sequence, dialect, allow_external) as truth, open_predictions(predictions, form) as predicted:
         _require_truth(truth, predicted)
-        pair = PairedSequence(truth, predicted)
+        pair = _PairedSequence(truth, predicted)
         flow_streams = filter(is_flow_stream, in_file_order(predicted.streams))
         flow = tuple(score_flow(pair, stream, progress) for stream in flow_streams)
         depth = score_depth(pair, progress) if "depth" in predicted.streams else None
@@ -233,7 +222,7 @@ def score_sequence(
         )
 
 
-def score_flow(pair: PairedSequence, stream: str, progress: Progress) -> FlowScore:
+def score_flow(pair: _PairedSequence, stream: str, progress: Progress) -> FlowScore:
     """Score flow at one rate."""
     key, moving_key = f"path/{stream}", f"path/{stream}_moving"
     intervals_us, matched = pair.matched(stream, key)
@@ -283,7 +272,7 @@ def score_flow(pair: PairedSequence, stream: str, progress: Progress) -> FlowSco
     )
 
 
-def score_depth(pair: PairedSequence, progress: Progress) -> DepthScore:
+def score_depth(pair: _PairedSequence, progress: Progress) -> DepthScore:
     """Score depth and disparity."""
     key = "path/depth"
     times_us, matched = pair.matched("depth", key)
@@ -292,8 +281,8 @@ def score_depth(pair: PairedSequence, progress: Progress) -> DepthScore:
     whole = whole_image(*absent.shape)
     sums, errors = ErrorSums(), []
     for row, place in enumerate(matched.tolist()):
-        truth_m = depth_in_m(true_rows.row(row))
-        values, valid = depth_errors(truth_m, depth_in_m(predicted_rows.row(place)) if place >= 0 else absent)
+        truth_m = _depth_in_m(true_rows.row(row))
+        values, valid = depth_errors(truth_m, _depth_in_m(predicted_rows.row(place)) if place >= 0 else absent)
         sums.add(values, valid, [whole, *pair.depth_partitions(truth_m)])
         errors.append((values["disparity_error_per_m"].sum(), values["disparity_per_m"].sum()))
         progress("depth", row + 1, len(matched))
@@ -309,7 +298,7 @@ def score_depth(pair: PairedSequence, progress: Progress) -> DepthScore:
     )
 
 
-def score_pose(pair: PairedSequence) -> PoseScore:
+def score_pose(pair: _PairedSequence) -> PoseScore:
     """Score poses. All are read at once: an hour of 200 Hz takes 40 MB."""
     times_us, matched = pair.matched("pose", "path/pose/position")
     positions, orientations, predicted_positions, predicted_orientations = (
@@ -398,3 +387,13 @@ def _are_poses(positions: Float64, orientations_xyzw: Float64) -> NDArray[np.boo
     """Return which rows (n,) are finite, with a quaternion that is a rotation when scaled."""
     lengths = np.linalg.norm(orientations_xyzw, axis=1)
     return np.asarray(np.isfinite(positions).all(axis=1) & np.isfinite(lengths) & (lengths > 0))
+
+
+def _depth_in_m(depth_mm: NDArray[Any]) -> Float32:
+    """Return depth in m."""
+    return np.asarray(depth_mm, np.float32) / np.float32(MM_PER_M)
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    """Return the size of the rows of a dataset, in words."""
+    return f"{shape[2]} x {shape[1]} px" if len(shape) > 2 else f"{shape[1]} columns"

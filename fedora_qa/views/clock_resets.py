@@ -23,15 +23,6 @@ UNIT_WITHIN: Final = 0.2
 """Largest relative difference from a factor. Durations farther from all factors are streams that end early
 (clocks.span)."""
 
-
-def unit_factor(ratio: float) -> float:
-    """Return the first factor of ``UNIT_FACTORS`` that a ratio of durations is near to; 1 where there is none.
-
-    Near means a relative difference of ``UNIT_WITHIN`` at most.
-    """
-    return next((factor for factor in UNIT_FACTORS if abs(ratio / factor - 1) <= UNIT_WITHIN), 1.0)
-
-
 _BEHIND: Final = 2
 """k events in reverse make k - 1 steps back and as many that lie behind; a clock that is set back leaves many."""
 
@@ -48,6 +39,14 @@ more than usual steps do; with another rate they differ by more. 0.97 is also th
 step (0.9). An offset leaves a step forwards of the same length. Where there is such a step that does not stand out,
 both causes are equally supported (0.9). Where there is none, an offset is possible only if the part begins or ends with
 the file (0.6)."""
+
+
+def unit_factor(ratio: float) -> float:
+    """Return the first factor of ``UNIT_FACTORS`` that a ratio of durations is near to; 1 where there is none.
+
+    Near means a relative difference of ``UNIT_WITHIN`` at most.
+    """
+    return next((factor for factor in UNIT_FACTORS if abs(ratio / factor - 1) <= UNIT_WITHIN), 1.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,26 @@ _ROUNDING_PX: Final = 18 * 2.0**-24
 Four roundings of 2 f (1 + |m|) and of pixel and principal point, with f = 0.87 W at 60 degrees: below 18 W.
 """
 
+_NOT_TESTED: Final = np.empty((0, 0, 4), dtype=np.float32)
+_NOT_COMPUTED: Final = np.empty((0, 0), dtype=np.float32)
+
+FEWEST_PIXELS: Final = 50
+"""Pixels below which two rates are not compared."""
+
+_TILES: Final = (8, 6)
+_FEWEST_PATHS: Final = 2_000
+"""Least number of paths in large frames: about forty start in each of 48 tiles, against eighty in other frames.
+
+Medians are stated, and their bounds do not depend on the number of paths: fewer paths leave the limits as they are.
+With three rates, the paths of two pairs of rates pass each field. At 1440x1080 a path costs 150 ns for each field,
+mostly the time to fetch the eleven lines about it from memory.
+"""
+_FEWEST_IN_TILE: Final = 20
+
+MOST_LOST: Final = 0.5
+"""Largest share of pixels that may leave the image by one rate only. Where the path of a point bends, some points leave
+the image midway and return; most points never do."""
+
 
 @dataclass(frozen=True, slots=True)
 class Chain:
@@ -223,28 +243,6 @@ def _of_stored_field(window: Window, compute: Callable[[Float32], Float32], stre
 def _lines(flow_px: Float32) -> Float32:
     """Return a field (H, W, 2) as rows of interleaved u and v, contiguous float32: the layout that kernels read."""
     return np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
-
-
-_NOT_TESTED: Final = np.empty((0, 0, 4), dtype=np.float32)
-_NOT_COMPUTED: Final = np.empty((0, 0), dtype=np.float32)
-
-
-FEWEST_PIXELS: Final = 50
-"""Pixels below which two rates are not compared."""
-
-_TILES: Final = (8, 6)
-_FEWEST_PATHS: Final = 2_000
-"""Least number of paths in large frames: about forty start in each of 48 tiles, against eighty in other frames.
-
-Medians are stated, and their bounds do not depend on the number of paths: fewer paths leave the limits as they are.
-With three rates, the paths of two pairs of rates pass each field. At 1440x1080 a path costs 150 ns for each field,
-mostly the time to fetch the eleven lines about it from memory.
-"""
-_FEWEST_IN_TILE: Final = 20
-
-MOST_LOST: Final = 0.5
-"""Largest share of pixels that may leave the image by one rate only. Where the path of a point bends, some points leave
-the image midway and return; most points never do."""
 
 
 @dataclass(frozen=True, slots=True)

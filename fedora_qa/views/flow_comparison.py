@@ -49,10 +49,19 @@ _USUAL_RATIO: Final = 2.0
 """Corrections with a chi^2 of up to this multiple of the degrees of freedom are not fitted further: 93% of corrections
 by noise alone lie below."""
 
-
 _FIT_SIGMAS: Final = 5.5
 """Standard errors of a fit that are allowed for: normal errors exceed them in one of 3e7 pixels, as many as a file of a
 thousand fields compares."""
+
+_PIXELS: Final = 4000
+"""Pixels that a shift is fitted to: some hundred lie on smooth surfaces even where most of an image is foliage."""
+
+_SIGNIFICANT: Final = 3.0
+"""Least length of a shift, in its standard errors: chance exceeds it in 1% of fits of two components, exp(-9 / 2). It
+proposes a cause and raises no alarm. Under another fault each field imitates a shift of its own."""
+
+_LINEARISATIONS: Final = 4
+"""Fits of a shift about poses that are corrected by the fit before: a correction turns the flow by parts of a pixel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -389,17 +398,6 @@ class FlowParameterFit(Feature):
     removed_share: float
     components: tuple[float, ...] = ()
     smooth_share: float = 0.0
-
-
-_PIXELS: Final = 4000
-"""Pixels that a shift is fitted to: some hundred lie on smooth surfaces even where most of an image is foliage."""
-
-_SIGNIFICANT: Final = 3.0
-"""Least length of a shift, in its standard errors: chance exceeds it in 1% of fits of two components, exp(-9 / 2). It
-proposes a cause and raises no alarm. Under another fault each field imitates a shift of its own."""
-
-_LINEARISATIONS: Final = 4
-"""Fits of a shift about poses that are corrected by the fit before: a correction turns the flow by parts of a pixel."""
 
 
 @dataclass(frozen=True, slots=True)

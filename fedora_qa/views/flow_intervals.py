@@ -25,6 +25,9 @@ _DEPTH_RANGE_M: Final = (0.05, 1000.0)
 _POSE_MARGIN_NS: Final = NS_PER_S // 10
 """Room for the interpolation's stencil and for the neighbours of the last interval."""
 
+DELAY_NS: Final = NS_PER_S // 1000
+"""Step of the central difference of a motion by time, ns."""
+
 
 @dataclass(frozen=True, slots=True)
 class Interval:
@@ -324,15 +327,11 @@ def pose_track(window: Window, camera: Camera) -> PoseTrack:
     PoseTrack
         Finite poses only.
     """
-    return PoseTrack(finite_poses(window), camera)
-
-
-def finite_poses(window: Window) -> PoseSamples:
-    """Return the finite poses of ``pose_track``."""
-    return window.derived(_finite_poses)
+    return PoseTrack(window.derived(_finite_poses), camera)
 
 
 def _finite_poses(window: Window) -> PoseSamples:
+    """Return the finite poses of ``pose_track``."""
     median_ns = max((median_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
     # Neighbouring intervals are tried as well: one length for the interval itself, one for the neighbour.
     poses = window.pose(2 * min(median_ns, NS_PER_S) + _POSE_MARGIN_NS)
@@ -425,10 +424,6 @@ def place(facts: Facts, intervals: tuple[Interval, Interval], frame: int | None 
     )
 
 
-DELAY_NS: Final = NS_PER_S // 1000
-"""Step of the central difference of a motion by time, ns."""
-
-
 def motion_over(window: Window, interval: Interval) -> RigidMotion | None:
     """Return how points move over an interval in the depth camera; None where no pose covers it.
 
@@ -465,7 +460,7 @@ def _poses_at_ends(window: Window) -> Mapping[int, Pose]:
     ends_ns = np.array([(interval.start_ns, interval.end_ns) for interval in intervals], dtype=np.int64).ravel()
     # ``tile_templates`` differentiates the motion by central differences, so each end is needed three times.
     instants_ns = np.unique(np.concatenate((ends_ns, ends_ns - DELAY_NS, ends_ns + DELAY_NS)))
-    R, positions_m = poses_at(finite_poses(window), instants_ns)
+    R, positions_m = poses_at(window.derived(_finite_poses), instants_ns)
     finite = np.isfinite(R).all(axis=(1, 2)) & np.isfinite(positions_m).all(axis=1)
     return {int(instants_ns[i]): (R[i], positions_m[i]) for i in np.flatnonzero(finite)}
 
@@ -501,4 +496,4 @@ def pose_of_frame(window: Window, track: PoseTrack, stream: str, frame: int) -> 
 
 
 def _poses_at(window: Window, instants_ns: bytes) -> tuple[Float64, Float64]:
-    return poses_at(finite_poses(window), np.frombuffer(instants_ns, np.int64))
+    return poses_at(window.derived(_finite_poses), np.frombuffer(instants_ns, np.int64))

@@ -1,6 +1,4 @@
-"""Colour frames of a window: luma, and which are so large that a part of their pixels is enough.
-
-Which frames are so large that a part of their pixels is enough to measure a fault of a whole field.
+"""Colour frames of a window: luma, and which frames are so large that a part of their pixels is enough.
 
 A fault of a whole field affects all of its pixels. In frames that are larger than usual, checks of such faults use a
 part of the pixels, spread over the whole image, unless the effort asks for all.
@@ -14,8 +12,16 @@ from numpy.typing import NDArray
 from fedora_qa.estimators.images.luma import LUMA_WEIGHTS, cut_off, luma_of, luma_of_linear, luma_table, to_linear
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
 
+Bools = NDArray[np.bool_]
+
 SATURATED_DN: Final = 250.0
 """Luma above this, DN, may have been clipped by a transfer curve near white."""
+
+_GOLDEN: Final = (5**0.5 - 1) / 2
+"""The fractional parts of its multiples are spread evenly, for any number of successive multiples (H. Weyl, 1916)."""
+
+_BANDS: Final = 2
+"""Bands of rows that are used in either half of an image."""
 
 
 def luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
@@ -69,15 +75,6 @@ def clipped(window: Window, frame: int) -> NDArray[np.bool_]:
 
 def _clipped(window: Window, frame: int) -> NDArray[np.bool_]:
     return cut_off(window.rgb(frame), luma_dn(window, frame), SATURATED_DN)
-
-
-Bools = NDArray[np.bool_]
-
-_GOLDEN: Final = (5**0.5 - 1) / 2
-"""The fractional parts of its multiples are spread evenly, for any number of successive multiples (H. Weyl, 1916)."""
-
-_BANDS: Final = 2
-"""Bands of rows that are used in either half of an image."""
 
 
 def is_large(pixels: int, window: Window) -> bool:

@@ -38,6 +38,31 @@ MotionKind = Literal["rotation", "translation"]
 _CERTAIN_SIGMAS: Final = 8.0
 """Standard errors that exceed the limit of any file, for any number of comparisons."""
 
+_FEWEST_POSES: Final = 16
+
+_EXCESS_SIGMAS: Final = 6.0
+"""Standard errors by which residuals must exceed noise and model for other conventions to be tried."""
+
+_EDGE_STEPS: Final = 1.5
+"""Steps of the poses at either end of a local disturbance that may hold samples of both kinds."""
+
+_LARGEST_SMALL_FAULT: Final = {
+    "time_offset": 0.1,
+    "clock_rate": 0.02,
+    "pose_clock_rate": 0.02,
+    "tilt": 0.1,
+    "scale": 0.1,
+    "bias": 1.0,
+    "gravity": 1.0,
+    "slope": 1.0,
+    "lever": 1.0,
+}
+"""Largest small fault by group of parameters, in the unit of the fit. Beyond it other conventions are tried."""
+
+_IMPLAUSIBLE: Final = 5.0
+"""Multiple of the largest small fault that no sensor has: a rotation of 0.5 rad, a gain wrong by 0.5, an offset of 0.5
+s."""
+
 
 @dataclass(frozen=True, slots=True)
 class InertialConventionTrial(Feature):
@@ -118,32 +143,6 @@ class OffsetsApart(Feature):
     late: MotionKind
     offset_s: float
     standard_error_s: float
-
-
-_FEWEST_POSES: Final = 16
-
-_EXCESS_SIGMAS: Final = 6.0
-"""Standard errors by which residuals must exceed noise and model for other conventions to be tried."""
-
-_EDGE_STEPS: Final = 1.5
-"""Steps of the poses at either end of a local disturbance that may hold samples of both kinds."""
-
-_LARGEST_SMALL_FAULT: Final = {
-    "time_offset": 0.1,
-    "clock_rate": 0.02,
-    "pose_clock_rate": 0.02,
-    "tilt": 0.1,
-    "scale": 0.1,
-    "bias": 1.0,
-    "gravity": 1.0,
-    "slope": 1.0,
-    "lever": 1.0,
-}
-"""Largest small fault by group of parameters, in the unit of the fit. Beyond it other conventions are tried."""
-
-_IMPLAUSIBLE: Final = 5.0
-"""Multiple of the largest small fault that no sensor has: a rotation of 0.5 rad, a gain wrong by 0.5, an offset of 0.5
-s."""
 
 
 class StreamsCache:

@@ -12,6 +12,29 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import Interval
 
+Float64 = NDArray[np.float64]
+Region = tuple[int, int, int, int]
+"""Left, top, right, bottom of a part of the image, in pixels; half-open."""
+
+FIT_PIXELS: Final = 800
+"""Pixels that a motion is fitted to: enough for six parameters, since the residuals are rounding."""
+
+_DEFAULT_SIGMA_PX: Final = 0.01
+"""Standard deviation of residuals, px, where no rounding bound is computed: small against the effect of any
+transform."""
+
+FEWEST_PIXELS: Final = 20
+"""Pixels below which a field is not compared."""
+
+_FILLED: Final = 0.5
+"""Least share of a region's pixels that must deviate: a fault of a part of the image leaves few pixels unchanged."""
+
+_UNAFFECTED: Final = 0.1
+"""Largest ratio of the error around a region to that within it at which the pixels around it count as not affected."""
+
+_PART: Final = 0.9
+"""Share of the image's pixels above which a region counts as the whole image."""
+
 
 def why_no_static_depth(facts: Facts) -> str:
     """Return why moving objects cannot be left out; empty where they can, or where no object moves by itself."""
@@ -72,30 +95,6 @@ def _standing_depth_m(window: Window, frame: int) -> NDArray[np.float32] | None:
         if moving is not None:
             return np.where(moving, np.float32(np.nan), window.depth_m(frame))
     return None
-
-
-Float64 = NDArray[np.float64]
-Region = tuple[int, int, int, int]
-"""Left, top, right, bottom of a part of the image, in pixels; half-open."""
-
-FIT_PIXELS: Final = 800
-"""Pixels that a motion is fitted to: enough for six parameters, since the residuals are rounding."""
-
-_DEFAULT_SIGMA_PX: Final = 0.01
-"""Standard deviation of residuals, px, where no rounding bound is computed: small against the effect of any
-transform."""
-
-FEWEST_PIXELS: Final = 20
-"""Pixels below which a field is not compared."""
-
-_FILLED: Final = 0.5
-"""Least share of a region's pixels that must deviate: a fault of a part of the image leaves few pixels unchanged."""
-
-_UNAFFECTED: Final = 0.1
-"""Largest ratio of the error around a region to that within it at which the pixels around it count as not affected."""
-
-_PART: Final = 0.9
-"""Share of the image's pixels above which a region counts as the whole image."""
 
 
 def sample_field(window: Window, interval: Interval, frame: int, region: Region | None = None) -> FlowSample | None:

@@ -11,6 +11,16 @@ from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 
+LEVEL_BIAS: Final = 0.04
+"""Bias of the exponent by errors of the level between events: not derived, but measured.
+
+Correct files of all scenes give 0.963 to 0.992 with either model; closed-form frames and events give 1.002 to 1.006.
+"""
+
+EXPOSURE_BIAS: Final = 0.05
+EXPOSURE_OF_BIAS_US: Final = 5_000.0
+"""An exposure of 5 ms reduces the contrast by 5%; the loss grows with the square of the time."""
+
 
 @dataclass(frozen=True, slots=True)
 class CodesBent(Feature):
@@ -23,17 +33,6 @@ class CodesBent(Feature):
     """
 
     exponent: float
-
-
-LEVEL_BIAS: Final = 0.04
-"""Bias of the exponent by errors of the level between events: not derived, but measured.
-
-Correct files of all scenes give 0.963 to 0.992 with either model; closed-form frames and events give 1.002 to 1.006.
-"""
-
-EXPOSURE_BIAS: Final = 0.05
-EXPOSURE_OF_BIAS_US: Final = 5_000.0
-"""An exposure of 5 ms reduces the contrast by 5%; the loss grows with the square of the time."""
 
 
 class ImagesTransfer(ColourCheck):

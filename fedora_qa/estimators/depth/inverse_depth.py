@@ -24,6 +24,9 @@ Depths = NDArray[np.floating[Any]]
 Float32 = NDArray[np.float32]
 Marks = NDArray[np.uint8]
 
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+
 SINGLE_PRECISION: Final = 2.0**-24
 """Unit roundoff of float32."""
 
@@ -54,6 +57,17 @@ At 1440x1080, blocks of 3 px need an eighth of the time of pixels. They shorten 
 3 px: the limit of ``depth.consistency`` in its worst tile is 1.7% larger than with blocks of 2 px, and would be 3.3%
 larger with blocks of 4 px.
 """
+
+LEAST_STEP: Final = 0.1
+"""Least step of inverse depth, relative to that of the nearer surface, after subtraction of the slope of the surface.
+
+Surfaces that lie a tenth of their distance apart belong to two objects, or to two sides of one object. A smaller step
+can be a fold of one surface.
+"""
+
+_TOO_SMALL: Final = 0.45
+"""Share of the least step that a difference or a slope beside it must exceed. If both are below a half, they cannot
+make a step together; 0.45 leaves room for rounding, and for the different nearer side of the neighbouring pair."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,21 +305,6 @@ def _write_errors(
 def _larger(a: np.float32, b: np.float32) -> np.float32:
     """Return the larger of two numbers, neither of which is NaN. It compiles to a single instruction."""
     return a if a > b else b
-
-
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
-
-LEAST_STEP: Final = 0.1
-"""Least step of inverse depth, relative to that of the nearer surface, after subtraction of the slope of the surface.
-
-Surfaces that lie a tenth of their distance apart belong to two objects, or to two sides of one object. A smaller step
-can be a fold of one surface.
-"""
-
-_TOO_SMALL: Final = 0.45
-"""Share of the least step that a difference or a slope beside it must exceed. If both are below a half, they cannot
-make a step together; 0.45 leaves room for rounding, and for the different nearer side of the neighbouring pair."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,21 +1,19 @@
 """Conservation of events: the signal less the sum of its events, for the models ``log`` and ``linear``.
 
-Conservation of events (model ``log``): the signal less the sum of its events stays within the thresholds.
-
-An ideal pixel keeps ``-C- < L - ref < C+``, and ``ref`` changes only by steps of C+ and -C-. With P brighter and M
-darker events so far, ``E = L - C+ P + C- M`` therefore varies by less than C+ + C- over any interval of time. Each
-frame bounds L at its time. A pixel violates the law where the largest lower bound of E exceeds the smallest upper bound
-by C+ + C- or more. Where the reference is the signal at the first frame, E counts from 0 there, and ``-C- < E < C+``.
+An ideal pixel of the model ``log`` keeps ``-C- < L - ref < C+``, and ``ref`` changes only by steps of C+ and -C-. With
+P brighter and M darker events so far, ``E = L - C+ P + C- M`` therefore varies by less than C+ + C- over any interval
+of time. Each frame bounds L at its time. A pixel violates the law where the largest lower bound of E exceeds the
+smallest upper bound by C+ + C- or more. Where the reference is the signal at the first frame, E counts from 0 there,
+and ``-C- < E < C+``.
 
 Signals are int64 multiples of 2^-40 nat, so that neighbouring frame runs can be joined exactly in any order.
 
-Conservation of events of a sensor whose reference is the last value (model ``linear``).
-
-While a pixel gives no event, its value stays within [ref - C-, ref + C+]. Over a run without events it therefore varies
-by at most C+ + C-. Each brighter event raises the reference by at least C+ + 1, because thresholds are strict and
-values whole. P brighter events without a darker one between two frames therefore raise the value by at least
-P (C+ + 1) - C+ - C-. There is no upper bound: one event can come from a step of any size. Where the first reference is
-the value at the first frame, the first run stays within the thresholds around that value.
+In the model ``linear`` the reference is the last value. While a pixel gives no event, its value stays within [ref - C-,
+ref + C+]. Over a run without events it therefore varies by at most C+ + C-. Each brighter event raises the reference by
+at least C+ + 1, because thresholds are strict and values whole. P brighter events without a darker one between two
+frames therefore raise the value by at least P (C+ + 1) - C+ - C-. There is no upper bound: one event can come from a
+step of any size. Where the first reference is the value at the first frame, the first run stays within the thresholds
+around that value.
 """
 
 from dataclasses import dataclass, replace

@@ -12,14 +12,10 @@ d the difference between b and a, and delta the delay of the timestamps: a level
 is the level at delta earlier. Regression on whole counts would be biased by their rounding; fractions have no such
 bias.
 
-Change of the level of each pixel between two frames, from the events before and after each frame.
-
-At the time of an event the level is known: it equals the reference that the sensor then keeps. Between two events it is
-not, and a sum of events ends with the last one. The level that this sum stands for lags behind the true one, in the
-direction of the motion.
-
-The level at a frame follows from the last event before it and the first event after it. Let f be the share of the time
-between both that has passed, U the threshold of the polarity of the last event and D that of the next one.
+At any other time the level is not known, and a sum of events ends with the last one. The level that this sum stands for
+lags behind the true one, in the direction of the motion. The level at a frame follows from the last event before it and
+the first event after it. Let f be the share of the time between both that has passed, U the threshold of the polarity
+of the last event and D that of the next one.
 
 - *Same polarity*: the level passes from 0 to D, and the straight line f D is its mean.
 - *Other polarity*: the level first rises by o further (the excursion; "falls" where the last event was a darker one),

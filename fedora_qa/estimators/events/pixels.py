@@ -1,12 +1,9 @@
 """Compiled passes over events: counts, bursts and repeats by pixel, and events sorted by pixel and time.
 
-An event is stored as one number: twice its timestamp plus its polarity.
-
-Compiled loops over events.
-
 Events are arrays (m,) in the order of time: ``x``, ``y`` (columns and rows, px), ``t`` (ns) and ``p`` (1 brighter, 0
 darker). All of them lie on the sensor. An event with the timestamp of a frame belongs to the time before the frame,
-because a timestamp is the first tick that is not before the crossing.
+because a timestamp is the first tick that is not before the crossing. Sorted by pixel, an event is stored as one
+number: twice its timestamp plus its polarity.
 """
 
 from dataclasses import dataclass
@@ -19,6 +16,13 @@ Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
 Columns = NDArray[np.uint16]
 Polarities = NDArray[np.uint8]
+
+Float64 = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+FIRST, LAST, EVENT, RUN = 1, 2, 1 << 2, 1 << 33
+"""Layout of the number of a pixel in ``tally_events``: bit 0 is the polarity of its first event, bit 1 that of its last
+event; bits 2 to 32 are the number of events, bits from 33 on the number of runs of one polarity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,10 +123,6 @@ def _count_within(timestamped: Int64, after: int, until: int) -> int:
     for i in range(len(timestamped)):
         count += (timestamped[i] > least) & (timestamped[i] <= most)
     return count
-
-
-Float64 = NDArray[np.float64]
-Bool = NDArray[np.bool_]
 
 
 @njit(cache=True)
@@ -242,11 +242,6 @@ def count_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int]) -> i
         repeats += last[y[i], x[i]] == t[i]
         last[y[i], x[i]] = t[i]
     return repeats
-
-
-FIRST, LAST, EVENT, RUN = 1, 2, 1 << 2, 1 << 33
-"""Layout of the number of a pixel in ``tally_events``: bit 0 is the polarity of its first event, bit 1 that of its last
-event; bits 2 to 32 are the number of events, bits from 33 on the number of runs of one polarity."""
 
 
 @njit(cache=True)

@@ -1,19 +1,16 @@
 """Rates of events: pixels that fire too often, silences of the whole sensor, and events without company.
 
-Silences of the whole sensor, and their probability by the rate of events around them.
+A silence of the whole sensor is compared with the counts in bins of the same length beside it. If the rate of a stream
+itself fluctuates, the counts follow a gamma-Poisson distribution. With mean m and a relative variance 1/r of the rate,
+the probability of an empty bin is (1 + m / r)^-r (Greenwood and Yule 1920). The bins give 1/r: the variance of the rate
+between bins plus the variance of their mean. If motion stops and starts again, the bins beside the silence are empty or
+uneven as well, so that the silence is probable. A lost packet does not change the bins beside it.
 
-A silence is compared with the counts in bins of the same length beside it. If the rate of a stream itself fluctuates,
-the counts follow a gamma-Poisson distribution. With mean m and a relative variance 1/r of the rate, the probability of
-an empty bin is (1 + m / r)^-r (Greenwood and Yule 1920). The bins give 1/r: the variance of the rate between bins plus
-the variance of their mean. If motion stops and starts again, the bins beside the silence are empty or uneven as well,
-so that the silence is probable. A lost packet does not change the bins beside it.
-
-Events without company: how often a pixel fires once while its neighbours are silent, by tile of the image.
-
-Noise of a sensor fires at random: everywhere, at any time, in pixels of any brightness. Of n blocks of 3 x 3 pixels
-without another event in an interval of time, noise of r events a second leaves n exp(-r s) silent in the middle and
-n r s exp(-r s) with one event there: their ratio is r s, whatever happens elsewhere. Edges leave lone events too, where
-they begin and end, but only in the tiles that they cross. So the rate of the quieter tiles is that of the noise.
+An event without company is the only one of its pixel while the neighbours are silent. Noise of a sensor fires at
+random: everywhere, at any time, in pixels of any brightness. Of n blocks of 3 x 3 pixels without another event in an
+interval of time, noise of r events a second leaves n exp(-r s) silent in the middle and n r s exp(-r s) with one event
+there: their ratio is r s, whatever happens elsewhere. Edges leave lone events too, where they begin and end, but only
+in the tiles that they cross. So the rate of the quieter tiles is that of the noise.
 
 A spatiotemporal neighbour as what tells a signal from background activity: T. Delbruck, Frame-free dynamic digital
 vision, Int. Symp. Secure-Life Electronics (2008), section 5.
@@ -40,6 +37,19 @@ _RING: Final = 2
 _MIDDLE, _THIRD = 12, 3
 """Ranks of the 24 neighbours, counted from the largest: the 12th (13th from the smallest), which serves as their
 median, and the third."""
+
+TILES = 8
+"""Tiles a side of the image."""
+
+_QUIET = 0.25
+"""Quantile of the rates of tiles: three quarters of an image with noise have at least its rate."""
+
+BINS: Final = 16
+"""Number of bins on each side of a silence."""
+# Least number of bins of a side that is used.
+_FEWEST_BINS: Final = 4
+_LONGEST: Final = 32
+"""Largest number of silences of a segment that are examined; they are the longest ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,14 +220,6 @@ def _pass_on(largest: Int32, passed_on: Int32) -> None:
         largest[column], passed_on[column] = max(kept, other), min(kept, other)
 
 
-BINS: Final = 16
-"""Number of bins on each side of a silence."""
-# Least number of bins of a side that is used.
-_FEWEST_BINS: Final = 4
-_LONGEST: Final = 32
-"""Largest number of silences of a segment that are examined; they are the longest ones."""
-
-
 @dataclass(frozen=True, slots=True)
 class EventSilence:
     """A segment of time without events.
@@ -340,13 +342,6 @@ def longest_silences(t: Int64, start: int, stop: int, lengths: Int64, ends: Int6
             place -= 1
         lengths[place], ends[place] = length, t[i]
     return count, silences
-
-
-TILES = 8
-"""Tiles a side of the image."""
-
-_QUIET = 0.25
-"""Quantile of the rates of tiles: three quarters of an image with noise have at least its rate."""
 
 
 @dataclass(frozen=True, slots=True)

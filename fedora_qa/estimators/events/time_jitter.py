@@ -31,12 +31,11 @@ Durations below a few s are those of events that jitter has brought together: th
 random within T have a lower quartile of |w| / T of ``RANDOM_SHARE``. Where the quartile comes near to this share,
 longer durations are used as well.
 
-Events of a pixel that lie on a straight line in time.
-
 A simulator that interpolates its signal linearly between two renders gives each pixel events at equal spacings from one
 render to the next: with a change of the signal by D in an interval of length T, a threshold of C is crossed every
 T C / |D|. The pixel has events of one polarity only. The last of them is less than one spacing from the end of the
 interval, and the first one less than one from its start, or less than (C+ + C-) / C where the polarity changes there.
+Such events are counted as straight runs.
 """
 
 from collections.abc import Sequence
@@ -97,6 +96,13 @@ _OVERLAP: Final = 2.31
 
 Successive w of independent times have the correlations -15/20, 6/20 and -1/20, and those of w^2 are their squares:
 1 + 2 (0.5625 + 0.09 + 0.0025) = 2.31."""
+
+FEWEST_EVENTS: Final = 3
+"""Two events lie on a line always."""
+
+LEAST_SPACING_TICKS: Final = 10
+"""Least spacing of a line, in steps of the timestamps. A line of three events then occurs by chance in a tenth of the
+runs at most (``chance_of_line``)."""
 
 
 class Quadruples(NamedTuple):
@@ -355,14 +361,6 @@ def _errors(differences: Float64, parts: NDArray[np.integer], tick: float) -> Fl
             errors.append(jackknife_errors([_deviations(differences[others], tick) for others in masks]))
     largest: Float64 = np.max(errors, axis=0)
     return largest
-
-
-FEWEST_EVENTS: Final = 3
-"""Two events lie on a line always."""
-
-LEAST_SPACING_TICKS: Final = 10
-"""Least spacing of a line, in steps of the timestamps. A line of three events then occurs by chance in a tenth of the
-runs at most (``chance_of_line``)."""
 
 
 def chance_of_line(tick_ns: int, spacing_ns: float) -> float:

@@ -7,6 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Float64 = NDArray[np.float64]
 
+SensitivityRange = tuple[tuple[float, float], tuple[float, float]]
+"""Standard error and model error bound where and when the detection limit is lowest, and where it is highest."""
+
 MAD_TO_SIGMA: Final = 1.4826
 """Standard deviation over median absolute deviation (MAD) of a normal distribution, to five digits.
 
@@ -17,6 +20,10 @@ Source: F. R. Hampel, The influence curve and its role in robust estimation, J. 
 
 NORMAL_QUARTILE: Final = 0.6745
 """``Phi^-1(3/4)``, the third quartile of the standard normal distribution, to four digits: ``1 / MAD_TO_SIGMA``."""
+
+DETECTION_SIGMAS: Final = 7.0
+"""Detection limit in standard errors: 5.3 of the limit that a thousand comparisons of a file share at a false-alarm
+rate of 1e-4, Phi^-1(1 - 5e-8), and 1.6 of a power of 95% (``judgement/judge.py``)."""
 
 
 def robust_sigma(values: ArrayLike, middle: ArrayLike | None = None) -> Float64:
@@ -61,14 +68,6 @@ def jackknife_errors(left_out: ArrayLike) -> Float64:
     # error^2 = (n - 1) / n sum_i (theta_i - mean theta)^2 = (n - 1) variance, with divisor n.
     errors: Float64 = np.sqrt((len(estimates) - 1) * np.var(estimates, axis=0))
     return errors
-
-
-DETECTION_SIGMAS: Final = 7.0
-"""Detection limit in standard errors: 5.3 of the limit that a thousand comparisons of a file share at a false-alarm
-rate of 1e-4, Phi^-1(1 - 5e-8), and 1.6 of a power of 95% (``judgement/judge.py``)."""
-
-SensitivityRange = tuple[tuple[float, float], tuple[float, float]]
-"""Standard error and model error bound where and when the detection limit is lowest, and where it is highest."""
 
 
 def sensitivity_range(standard_errors: ArrayLike, model_error_bounds: ArrayLike) -> SensitivityRange | None:

@@ -1,13 +1,11 @@
 """Tail probabilities and quantiles of the usual distributions, and standard errors from few groups.
 
-The functions call ``scipy.special``. ``scipy.stats`` returns the same numbers, but takes longer to import than the rest
-of SciPy, and each call takes a hundred times as long.
-
-Standard errors estimated from few groups, and their own uncertainty.
-
 An error that is estimated from the scatter of nu + 1 groups has itself the relative standard error 1 / sqrt(2 nu).
 Values divided by such errors follow Student's distribution, which has heavier tails than the normal distribution. The
 difference matters at the small probabilities at which alarms are raised.
+
+The functions call ``scipy.special``. ``scipy.stats`` returns the same numbers, but takes longer to import than the rest
+of SciPy, and each call takes a hundred times as long.
 """
 
 from typing import Final
@@ -34,6 +32,14 @@ _OUTLYING: Final = 5.0
 _MOST_OUTLIERS: Final = 0.25
 """Largest share (0 to 1) of outliers. With more outliers (noise that lasts for half of the time) the width of most
 values does not describe the distribution of all."""
+
+TAIL: Final = 1e-6
+"""Tail probability at which Student's distribution is compared with the normal one: a false-alarm rate of 1e-4 a file,
+shared by a hundred comparisons."""
+
+BEYOND_CHANCE: Final = 0.05
+"""Probability that chance alone makes the scatter of groups significant. It is large because an error that is too small
+costs more than an error that is widened without need."""
 
 
 def normal_beyond(chance: float) -> float:
@@ -173,15 +179,6 @@ def chance_of_largest(values: Float64, errors: Float64) -> float:
         return 1.0
     # p <= 2 n k P(t > z): Bonferroni over all components and both signs.
     return min(1.0, 2 * values.size * chance_of_student(float(deviates.max()), _FREEDOM * len(values)))
-
-
-TAIL: Final = 1e-6
-"""Tail probability at which Student's distribution is compared with the normal one: a false-alarm rate of 1e-4 a file,
-shared by a hundred comparisons."""
-
-BEYOND_CHANCE: Final = 0.05
-"""Probability that chance alone makes the scatter of groups significant. It is large because an error that is too small
-costs more than an error that is widened without need."""
 
 
 def student_factor(freedom: float) -> float:

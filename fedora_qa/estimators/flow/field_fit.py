@@ -1,4 +1,4 @@
-"""Residual flow of a field, and of all fields of a rate, from its tiles: mean, gain, shift, with errors."""
+"""Residual flow of a field from its tiles, and of all fields of a rate: mean, gain, shift and geometric templates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,7 +39,23 @@ _SMALLEST_TRUE: Final = 1e-3
 """Share of the stored flow below which the true flow counts as zero."""
 
 _UNLIKELY: Final = 0.01
-"""Probability with which a correct value exceeds ``beyond_chance``."""
+"""Probability with which a correct value exceeds ``_beyond_chance``."""
+
+_BIAS_PX: Final = 0.005
+"""Largest amplitude of the bias by aliases and interpolation, which follows the sine of 2 pi times the flow.
+
+`field_fit.lock_in` derives the law. The amplitude is (energy at 2 pi - w over that at w) / w, averaged with the
+weight w^2 E(w) exp(-w^2) of the smoothed image. For a box-shaped pixel and amplitudes that fall as 1/frequency, as at
+edges, the ratio is (w / (2 pi - w))^4: 0.0013 px at 1 rad/px, 0.0008 px on average. Interpolation by the spline adds at
+most 0.0005 px (see its test). 0.005 px also covers images with more energy at high frequencies. For white noise, which
+no scene is, the amplitude would be 0.03 px.
+"""
+
+_LEAST_COMMON_GAIN: Final = 0.005
+"""Largest common gain of all fields that is not taken for a fault of all fields."""
+
+_GAIN_ERROR: Final = 0.05
+"""Relative error of a gain by the linearisation and by the finite differences of the derivative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +144,7 @@ def fit_field(errors_px: Float64, covariances_px2: Float64, templates: Float64) 
     )
 
 
-def beyond_chance(freedom: float) -> float:
+def _beyond_chance(freedom: float) -> float:
     """Return the value that the mean square of ``freedom`` deviations of unit variance exceeds with probability 1%."""
     return chi_squared_beyond(_UNLIKELY, freedom) / freedom
 
@@ -162,7 +178,7 @@ def robust_errors(matrix: Float64, scatter: Float64, scores: Float64) -> Float64
     if freedom >= 1:
         # Sandwich A^-1 (sum of s s^T) A^-1, times k / (k - p) as p parameters were fitted to the k blocks.
         empirical = np.diag(formal @ (scores.T @ scores) @ formal) * blocks / freedom
-        largest = beyond_chance(freedom)
+        largest = _beyond_chance(freedom)
         variances = np.where(empirical > largest * variances, student_factor(freedom) ** 2 * empirical, variances)
     return np.sqrt(variances)
 
@@ -292,23 +308,6 @@ def normal_equations(errors_px: Float64, information: Float64, templates: Float6
     return matrix, vector, total
 
 
-_BIAS_PX: Final = 0.005
-"""Largest amplitude of the bias by aliases and interpolation, which follows the sine of 2 pi times the flow.
-
-`field_fit.lock_in` derives the law. The amplitude is (energy at 2 pi - w over that at w) / w, averaged with the
-weight w^2 E(w) exp(-w^2) of the smoothed image. For a box-shaped pixel and amplitudes that fall as 1/frequency, as at
-edges, the ratio is (w / (2 pi - w))^4: 0.0013 px at 1 rad/px, 0.0008 px on average. Interpolation by the spline adds at
-most 0.0005 px (see its test). 0.005 px also covers images with more energy at high frequencies. For white noise, which
-no scene is, the amplitude would be 0.03 px.
-"""
-
-_LEAST_COMMON_GAIN: Final = 0.005
-"""Largest common gain of all fields that is not taken for a fault of all fields."""
-
-_GAIN_ERROR: Final = 0.05
-"""Relative error of a gain by the linearisation and by the finite differences of the derivative."""
-
-
 @dataclass(frozen=True, slots=True)
 class TemplateSizes:
     """Sizes of templates, fitted to all fields of a rate.
@@ -375,7 +374,7 @@ def error_scales(spreads: Sequence[float], freedoms: Sequence[int]) -> list[floa
     common_scale = student_factor(sum(freedom for _, freedom in fitted)) * float(np.sqrt(usual))
     return [
         max(common_scale, student_factor(freedom) * float(np.sqrt(spread)))
-        if freedom > 0 and spread > usual * beyond_chance(freedom)
+        if freedom > 0 and spread > usual * _beyond_chance(freedom)
         else common_scale
         for spread, freedom in zip(spreads, freedoms, strict=True)
     ]

@@ -1,7 +1,8 @@
 """Pixels of a flow field that can be compared: edges in depth or flow, and pixels with a value.
 
 The inverse depth of a plane is affine in the pixel. Its Laplacian therefore vanishes on every plane and marks edges,
-and bilinear interpolation of it is exact. Edges are widened by the reach of the kernel that smooths the frames.
+and bilinear interpolation of it is exact. Near an edge a pixel mixes two surfaces of different motion, so edges are
+widened by the reach of the kernel that smooths the frames.
 """
 
 from typing import Final
@@ -13,6 +14,10 @@ from numpy.typing import NDArray
 
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+
+_INFINITE = np.float32(np.inf)
+_INFINITE_BITS = np.int32(0x7F800000)
+"""Bits of infinity in single precision; any number whose exponent has these bits is infinite or NaN."""
 
 EDGE: Final = 0.01
 """Relative Laplacian of inverse depth that makes an edge, and relative mismatch of it that makes an occlusion.
@@ -224,11 +229,6 @@ def spread_at_targets(flow_px: Float32) -> Float32:
                 # E[u^2] - E[u]^2 cancels: in float64 its rounding stays far below the limit of 0.06 px^2.
                 spread[row, column] = max(uu / n - (u / n) ** 2, vv / n - (v / n) ** 2)
     return spread
-
-
-_INFINITE = np.float32(np.inf)
-_INFINITE_BITS = np.int32(0x7F800000)
-"""Bits of infinity in single precision; any number whose exponent has these bits is infinite or NaN."""
 
 
 @njit(cache=True)

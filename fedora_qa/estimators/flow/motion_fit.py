@@ -18,6 +18,8 @@ from fedora_qa.sequence.declared import Lens
 
 Float64 = NDArray[np.float64]
 
+_PERCENT, _DEG, _MS = 0.01, np.pi / 180, 1e-3
+
 _ITERATIONS: Final = 6
 """Most steps of Gauss-Newton."""
 
@@ -444,8 +446,6 @@ LEVER_ARM: Final = ParameterTemplate("lever_arm", "m", slice(7, 10), 3.0)
 TIME_OFFSET: Final = ParameterTemplate("time_offset", "ms", slice(10, 11), 50.0)
 
 PARAMETER_TEMPLATES: Final = (FLOW_GAIN, FOCAL, CENTRE, MOUNTING, LEVER_ARM, TIME_OFFSET)
-
-_PERCENT, _DEG, _MS = 0.01, np.pi / 180, 1e-3
 
 
 def parameter_templates(

@@ -18,12 +18,17 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+Int64 = NDArray[np.int64]
+
 TILE_PX: Final = 32
 HALO_PX: Final = 2
 """Reach of the derivative."""
 
 _CORRELATED_PIXELS: Final = 4 * np.pi
 """Sum of the autocorrelation of white noise smoothed by a kernel of variance 1 px^2: this many pixels count as one."""
+
+_MARGIN_PX: Final = 8
+"""Distance of tiles from the border, where smoothing extrapolates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,11 +252,6 @@ def _invert(work: Float64, inverse: Float64) -> None:
                 for c in range(4):
                     work[b, c] -= share * work[a, c]
                     inverse[b, c] -= share * inverse[a, c]
-
-
-Int64 = NDArray[np.int64]
-_MARGIN_PX: Final = 8
-"""Distance of tiles from the border, where smoothing extrapolates."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,7 @@ For S = ln Y that is almost dS itself (exactly so where pixels are grey): there 
 regressed on frames, since the errors of the frames are the larger ones and are common to D and dS. In the reverse
 regression, these errors would bias the weights towards values at which they cancel.
 
-Position of the fitted weights of channels on the line from the order R, G, B to another order of the channels.
-
+The order of the channels follows from where the fitted weights lie on the line from the order R, G, B to another one.
 Weights w with error E under the right order m0, and m under another, are separated best along one line (R. A. Fisher,
 "The use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936)). With d = m - m0 and the
 covariance T of E,
@@ -61,6 +60,19 @@ _EXPONENT_FITTED: Final = 4
 _LEAST_DN: Final = 1e-3
 _SINGULAR: Final = 1e-9
 """Least eigenvalue of the scaled normal matrix. Below it columns are collinear and coefficients are not determined."""
+
+WRONG_ORDERS: Final = tuple(order for order in map("".join, permutations("RGB")) if order != "RGB")
+
+LEVEL_BIAS: Final = 0.01
+"""Bias of a difference of weights by errors of the level between events: not derived, but measured.
+
+With closed-form frames and events, the true levels give the weights to 0.0002. Levels interpolated between events
+change
+differences of weights by up to 0.006, beyond the difference of linear and cubic interpolation.
+"""
+
+_FREE: Final = np.array([[1.0, 0.0, -1.0], [-0.5, 1.0, -0.5]])
+"""The two free coordinates of weights: the first less the third, the second less the mean of both."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -406,20 +418,6 @@ def _average(
                 green += weight * linear_dn[pixel[1]]
                 blue += weight * linear_dn[pixel[2]]
         means[i, 0], means[i, 1], means[i, 2] = red, green, blue
-
-
-WRONG_ORDERS: Final = tuple(order for order in map("".join, permutations("RGB")) if order != "RGB")
-
-LEVEL_BIAS: Final = 0.01
-"""Bias of a difference of weights by errors of the level between events: not derived, but measured.
-
-With closed-form frames and events, the true levels give the weights to 0.0002. Levels interpolated between events
-change
-differences of weights by up to 0.006, beyond the difference of linear and cubic interpolation.
-"""
-
-_FREE: Final = np.array([[1.0, 0.0, -1.0], [-0.5, 1.0, -0.5]])
-"""The two free coordinates of weights: the first less the third, the second less the mean of both."""
 
 
 def weights_in(order: str) -> Float64:

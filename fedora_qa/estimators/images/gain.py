@@ -16,13 +16,11 @@ those of k = c + j - 1 and k + 1. Rounding then bounds the gain by each such cod
 
     (c + 1/2) / (c - j + 1) <= g <= (c - 1/2) / (c - j),        (c - 1/2) / (c + j - 1) <= g <= (c + 1/2) / (c + j)
 
-A power law that was applied to values of 8 bits after they had been rounded.
-
-``rint(255 (k / 255)^e)`` of the codes k omits codes where the curve is steep: in the dark for an exponent below 1, near
-white for one above 1. Which codes are omitted depends on the exponent alone. In a histogram of many values, a code
-without any value between frequent ones is no chance event, and that just the codes of one exponent are absent is less
-likely still: of n codes, h or more of the m that an exponent omits are among the k absent ones with a hypergeometric
-probability.
+A power law after rounding, ``rint(255 (k / 255)^e)`` of the codes k, omits codes where the curve is steep: in the dark
+for an exponent below 1, near white for one above 1. Which codes are omitted depends on the exponent alone. In a
+histogram of many values, a code without any value between frequent ones is no chance event, and that just the codes of
+one exponent are absent is less likely still: of n codes, h or more of the m that an exponent omits are among the k
+absent ones with a hypergeometric probability.
 """
 
 from dataclasses import dataclass
@@ -66,8 +64,9 @@ deviations."""
 
 _FEWEST_CODES: Final = 40
 _FEWEST_MARKS: Final = 3
-"""Least number of frequent codes, and of marked codes among them: 40 choose 3 is 9880, a hundred gains are tried, and
-each code without any value among frequent ones is itself rare."""
+_FEWEST_ABSENT: Final = 5
+"""Least number of frequent codes, of marked ones among them for a gain, and of absent ones for a power law: 40 choose 3
+is 9880, a hundred gains are tried, and each code without any value among frequent ones is itself rare."""
 
 _FIRST: Final = 2
 """The first code that is used; values at 0 and 255 are clipped."""
@@ -81,6 +80,18 @@ _LARGEST_RANK: Final = 100
 
 _TIES: Final = 1 + 1e-12
 """Gains of whole percents put codes exactly half-way; the bounds are then equal except for the last bits."""
+
+_EXPONENTS: Final = np.geomspace(0.2, 5.0, 3001)
+_FINE: Final = np.linspace(-1.0, 1.0, 201)
+"""Exponents that are tried, in steps of 0.1%; then others within a step of the best, a hundredth of a step apart."""
+
+_STEP: Final = float(_EXPONENTS[1] / _EXPONENTS[0] - 1)
+
+_LEAST_AGREEMENT: Final = 0.95
+"""Least share of the codes that are absent, or omitted, which are both: some codes are rarer than their neighbours."""
+
+_CHANCE: Final = 1e-9
+"""Largest probability of that agreement by chance, for all exponents that are tried together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,22 +276,6 @@ def _gain_of_pattern(marked: Bools, frequent: Bools, sign: int) -> CodeGain | No
         if np.array_equal(pattern[frequent], marked[frequent]):
             return CodeGain(gain, 0.5 * abs(high - low))
     return None
-
-
-_FEWEST_ABSENT: Final = 5
-"""Least number of frequent codes, and of absent ones among them."""
-
-_EXPONENTS: Final = np.geomspace(0.2, 5.0, 3001)
-_FINE: Final = np.linspace(-1.0, 1.0, 201)
-"""Exponents that are tried, in steps of 0.1%; then others within a step of the best, a hundredth of a step apart."""
-
-_STEP: Final = float(_EXPONENTS[1] / _EXPONENTS[0] - 1)
-
-_LEAST_AGREEMENT: Final = 0.95
-"""Least share of the codes that are absent, or omitted, which are both: some codes are rarer than their neighbours."""
-
-_CHANCE: Final = 1e-9
-"""Largest probability of that agreement by chance, for all exponents that are tried together."""
 
 
 def exponent_after_rounding(counts: NDArray[np.integer]) -> float | None:

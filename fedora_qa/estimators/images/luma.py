@@ -18,6 +18,14 @@ LUMA_WEIGHTS: Final[Float64] = np.array(LUMA_WEIGHTS_RGB, dtype=np.float64)
 LUMA_ROUNDING_VARIANCE_DN2: Final = sum(weight**2 for weight in LUMA_WEIGHTS_RGB) / 12
 """Variance of luma whose three channels are rounded to whole DN: each error is uniform over a step."""
 
+TRANSFERS: Final = ("linear", "srgb", "gamma2.2")
+"""The curves that a file can declare."""
+
+WHITE_DN: Final = 255.0
+
+_GAMMA: Final = 2.2
+_SRGB_TOE: Final = 0.04045
+
 
 def luma_table(linear_dn: NDArray[np.floating[Any]]) -> Float32:
     """Return the contribution of each code of a channel to the luma of linear R, G, B.
@@ -157,15 +165,6 @@ def cut_off(rgb: UInt8, luma: Float32, saturated: float) -> Bools:
             is_most = (codes[3 * column] == most) | (codes[3 * column + 1] == most) | (codes[3 * column + 2] == most)
             clipped_row[column] = is_most | (values[column] >= level)
     return clipped
-
-
-TRANSFERS: Final = ("linear", "srgb", "gamma2.2")
-"""The curves that a file can declare."""
-
-WHITE_DN: Final = 255.0
-
-_GAMMA: Final = 2.2
-_SRGB_TOE: Final = 0.04045
 
 
 def to_linear(codes: Float64, transfer: str) -> Float64:

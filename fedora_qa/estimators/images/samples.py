@@ -30,6 +30,21 @@ _GAUSSIAN = np.pad(_GAUSSIAN / _GAUSSIAN.sum(), 2)
 _SMOOTH, _SLOPE = _GAUSSIAN[1:-1], (_GAUSSIAN[:-2] - _GAUSSIAN[2:]) / 2
 """Weights (11,) of a Gaussian of sigma 1, cut at 4 sigma, and of its central differences."""
 
+CORNERS: Final = 500
+FEWEST_CORNERS: Final = 10
+"""Corners of which a tenth can be stated."""
+
+FARTHEST_SHARE: Final = 0.1
+"""Share of the corners that move at least as far as stated: more than are tracked to a wrong place."""
+
+RETURN_PX: Final = 0.1
+"""Largest distance, px, at which a corner ends that is tracked to the next image and back."""
+
+_WINDOW: Final = (15, 15)
+"""Columns and rows around a corner that are compared, px; with three halvings of the image they reach 60 px."""
+
+_WHITE_DN: Final = 255.0
+
 
 def steepness(luma: Float32, percentile: float) -> float:
     """Return a percentile of the slopes of an image, estimated from some of its points.
@@ -227,22 +242,6 @@ def _mean_responses(patches: Float32) -> Float64:
             total += np.float64(of_row)
         means[i] = total / (height * width)
     return means
-
-
-CORNERS: Final = 500
-FEWEST_CORNERS: Final = 10
-"""Corners of which a tenth can be stated."""
-
-FARTHEST_SHARE: Final = 0.1
-"""Share of the corners that move at least as far as stated: more than are tracked to a wrong place."""
-
-RETURN_PX: Final = 0.1
-"""Largest distance, px, at which a corner ends that is tracked to the next image and back."""
-
-_WINDOW: Final = (15, 15)
-"""Columns and rows around a corner that are compared, px; with three halvings of the image they reach 60 px."""
-
-_WHITE_DN: Final = 255.0
 
 
 def tracked_motion_px(light_dn: NDArray[np.float32]) -> float:

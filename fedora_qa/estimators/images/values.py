@@ -3,11 +3,10 @@
 Numbers of single precision are read as integers by their bits. Positive numbers are in the same order as these
 integers, infinity is 0x7F800000, and all larger ones are NaN. Integers are compared several at a time.
 
-A digest of an image: eight lanes of 64 bits, each of which combines every eighth word, and SHA-256 over the lanes.
-
-Each step of a lane is one-to-one in the lane and in the word. Images that differ in one word of a lane therefore always
-differ in that lane; other images have the same lane by chance once in 2^64. The digest detects accidents, not forgery.
-It takes a seventh of the time of SHA-256 over the whole image.
+The digest of an image is made of eight lanes of 64 bits, each of which combines every eighth word, and SHA-256 over the
+lanes. Each step of a lane is one-to-one in the lane and in the word. Images that differ in one word of a lane therefore
+always differ in that lane; other images have the same lane by chance once in 2^64. The digest detects accidents, not
+forgery. It takes a seventh of the time of SHA-256 over the whole image.
 """
 
 from collections.abc import Iterable, Sequence
@@ -37,6 +36,13 @@ _SIGN_AT, _HALF = np.uint64(31), np.uint64(32)
 _FLOAT32_ROUNDING: Final = 2.0**-22
 """Depth is compared with a range in float64 before it is rounded to float32 (2^-24, relative); two more bits for
 a range that was itself rounded."""
+
+DIGEST_BYTES: Final = 16
+
+_LANES: Final = 8
+_ODD: Final = np.uint64(0x9E3779B97F4A7C15)
+"""2^64 over the golden ratio: an odd factor without a pattern in its bits (D. E. Knuth, TAOCP 3, 6.4)."""
+_HALF_WORD: Final = np.uint64(32)
 
 
 def bits_of(values: NDArray[Any]) -> Bits:
@@ -404,14 +410,6 @@ def tally_depth(key: str, row: int, depth_mm: NDArray[Any], range_m: tuple[float
 
 def _first(row: int, bad: NDArray[np.bool_]) -> tuple[int, int]:
     return (row, int(np.argmax(bad))) if bad.any() else (-1, -1)
-
-
-DIGEST_BYTES: Final = 16
-
-_LANES: Final = 8
-_ODD: Final = np.uint64(0x9E3779B97F4A7C15)
-"""2^64 over the golden ratio: an odd factor without a pattern in its bits (D. E. Knuth, TAOCP 3, 6.4)."""
-_HALF_WORD: Final = np.uint64(32)
 
 
 def digest_of(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

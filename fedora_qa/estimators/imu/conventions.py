@@ -21,6 +21,35 @@ from fedora_qa.geometry.motion import interpolate_poses
 QuaternionConvention = Literal["xyzw", "wxyz", "inverse", "wxyz inverse"]
 GravityConvention = Literal["declared", "missing", "reversed"]
 
+Float64 = NDArray[np.float64]
+
+_QUATERNION_CONVENTIONS: Final[tuple[QuaternionConvention, ...]] = ("xyzw", "wxyz", "inverse", "wxyz inverse")
+_DEGREES: Final = float(np.degrees(1.0))
+_MILLIMETRES: Final = 1e3
+_GRAVITY_FACTORS: Final[dict[GravityConvention, float]] = {"declared": 1.0, "missing": 0.0, "reversed": -1.0}
+
+_RATE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2)
+_FORCE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2, 0.3)
+"""Spans over which motion is averaged. The shortest one at which noise is small against the motion is used, else the
+longest."""
+
+_FEWEST_EDGES: Final = 4
+"""Poses at the ends of spans, below which nothing is compared."""
+_SMALL_NOISE: Final = 0.05
+"""Ratio of noise to motion that counts as small."""
+
+_LONGEST_S: Final = 20.0
+"""Length of the part of a sequence that is compared. It is enough, as candidates differ grossly."""
+
+_EQUIVALENT_RATIO: Final = 2.0
+"""A candidate fits as well as the best one if its residual is at most this many times as large."""
+
+_COARSENESS: Final = 0.01
+"""Relative error of the coarse rates and accelerations that are computed here."""
+
+_LARGEST_RESIDUAL: Final = 25.0
+"""Mean square residual, over that expected of noise and coarseness, above which no candidate is accepted."""
+
 
 @dataclass(frozen=True, slots=True)
 class InertialConvention:
@@ -94,36 +123,6 @@ def _axes_complexity(axes: tuple[tuple[int, ...], ...]) -> float:
         return 0.0
     exchange = bool(np.all(matrix >= 0)) and int(np.trace(matrix)) == 1
     return 1.0 if exchange or np.array_equal(matrix, np.diag((1, -1, -1))) else 2.0
-
-
-Float64 = NDArray[np.float64]
-
-_QUATERNION_CONVENTIONS: Final[tuple[QuaternionConvention, ...]] = ("xyzw", "wxyz", "inverse", "wxyz inverse")
-_DEGREES: Final = float(np.degrees(1.0))
-_MILLIMETRES: Final = 1e3
-_GRAVITY_FACTORS: Final[dict[GravityConvention, float]] = {"declared": 1.0, "missing": 0.0, "reversed": -1.0}
-
-_RATE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2)
-_FORCE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2, 0.3)
-"""Spans over which motion is averaged. The shortest one at which noise is small against the motion is used, else the
-longest."""
-
-_FEWEST_EDGES: Final = 4
-"""Poses at the ends of spans, below which nothing is compared."""
-_SMALL_NOISE: Final = 0.05
-"""Ratio of noise to motion that counts as small."""
-
-_LONGEST_S: Final = 20.0
-"""Length of the part of a sequence that is compared. It is enough, as candidates differ grossly."""
-
-_EQUIVALENT_RATIO: Final = 2.0
-"""A candidate fits as well as the best one if its residual is at most this many times as large."""
-
-_COARSENESS: Final = 0.01
-"""Relative error of the coarse rates and accelerations that are computed here."""
-
-_LARGEST_RESIDUAL: Final = 25.0
-"""Mean square residual, over that expected of noise and coarseness, above which no candidate is accepted."""
 
 
 def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvention | None:

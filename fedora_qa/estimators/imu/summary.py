@@ -1,11 +1,10 @@
 """Summary of a comparison of IMU and poses: parameters, residuals, worst row, and a bias of a part.
 
-A bias of the sensor in a part of a sequence, by the residuals of IMU and poses.
-
-With the jacobian J of the residuals r by a bias, and their weights W, a bias of some rows is ``A^-1 b`` and removes
-``b^T A^-1 b`` of their weighted squares, where ``A = sum J^T W J`` and ``b = sum J^T W r``. Sums over a part are
-differences of sums from the first row on, so that many parts are compared at once: the part whose bias removes most is
-the likeliest. Rows that the bias does not affect add to A and not to b, so that a part that is too long removes less.
+A bias of the sensor in a part of a sequence follows from the residuals of IMU and poses. With the jacobian J of the
+residuals r by a bias, and their weights W, a bias of some rows is ``A^-1 b`` and removes ``b^T A^-1 b`` of their
+weighted squares, where ``A = sum J^T W J`` and ``b = sum J^T W r``. Sums over a part are differences of sums from the
+first row on, so that many parts are compared at once: the part whose bias removes most is the likeliest. Rows that the
+bias does not affect add to A and not to b, so that a part that is too long removes less.
 
 A row at an edge of the part is affected in proportion to the time of it that lies within, which gives the edges between
 rows. The errors of neighbouring rows are taken as independent: in noise of the poses only a large bias is placed.
@@ -34,7 +33,7 @@ _ROUNDS: Final = 3
 _PARTLY: Final = 2
 """Number of rows at either edge that the bias may affect partly."""
 
-_FEWEST_ROWS: Final = 6
+_FEWEST_ROWS_OF_PART: Final = 6
 """Least number of rows within the part: those at its edges, and some that are affected in full."""
 
 _LEAST_ELSEWHERE: Final = 0.1
@@ -46,6 +45,20 @@ which it explains a half or so."""
 
 _SINGULAR: Final = 1e-12
 """Share of the total information that is added to each part's, so that it can be inverted without motion."""
+
+FEWEST_ROWS: Final = 8
+OUTLIER: Final = 8.0
+"""Deviation in standard deviations above which a row is left out of the fit."""
+
+_FEWEST_SEGMENTS: Final = 3
+_SIMILAR_SCORE: Final = 0.7
+"""Share of the largest score above which segments count as deviating by about as much."""
+
+_LEAST_OUTSIDE: Final = 0.1
+"""Least share of rows outside a disturbance that makes it local."""
+
+_COURSE_POINTS: Final = 1000
+"""Most points of the course of residuals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +132,7 @@ def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> Partia
         squares: Float64 = np.einsum("ni,ni->n", projection[last] - projection[first], biases(first, last))
         return squares
 
-    if count < _FEWEST_ROWS or not floor.any():
+    if count < _FEWEST_ROWS_OF_PART or not floor.any():
         return None
     edges = np.unique(np.linspace(0, count, min(count, _EDGES) + 1).astype(np.intp))
     firsts, lasts = (edges[numbers] for numbers in np.triu_indices(len(edges), 1))
@@ -130,7 +143,7 @@ def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> Partia
         first = int(near[np.argmax(removed(near, np.full(len(near), last)))])
         near = np.arange(max(last - reach, first + 1), min(last + reach, count) + 1)
         last = int(near[np.argmax(removed(np.full(len(near), first), near))])
-    if last - first < _FEWEST_ROWS or count - (last - first) < _LEAST_ELSEWHERE * count:
+    if last - first < _FEWEST_ROWS_OF_PART or count - (last - first) < _LEAST_ELSEWHERE * count:
         return None
     squares = float(removed(np.array([first]), np.array([last]))[0])
     bias = biases(np.array([first + _PARTLY]), np.array([last - _PARTLY]))[0]
@@ -174,7 +187,7 @@ def bias_drift(segments: Sequence[ComparisonRows]) -> BiasDrift | None:
     residuals = np.concatenate([rows.residuals / rows.sigmas for rows in segments])
     jacobians = np.concatenate([rows.bias_jacobians / rows.sigmas[..., np.newaxis] for rows in segments])
     times_s = np.concatenate([rows.times_s for rows in segments])
-    if len(residuals) < _FEWEST_ROWS or times_s[-1] <= times_s[0]:
+    if len(residuals) < _FEWEST_ROWS_OF_PART or times_s[-1] <= times_s[0]:
         return None
     # b(t) = (1 - s) b_first + s b_last, s from 0 to 1.
     share = ((times_s - times_s[0]) / (times_s[-1] - times_s[0]))[:, np.newaxis, np.newaxis]
@@ -198,21 +211,6 @@ def bias_drift(segments: Sequence[ComparisonRows]) -> BiasDrift | None:
 def _sums_before(values: Float64) -> Float64:
     """Return the sums (n + 1, ...) of the values (n, ...) before each of them, and of all."""
     return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-
-
-FEWEST_ROWS: Final = 8
-OUTLIER: Final = 8.0
-"""Deviation in standard deviations above which a row is left out of the fit."""
-
-_FEWEST_SEGMENTS: Final = 3
-_SIMILAR_SCORE: Final = 0.7
-"""Share of the largest score above which segments count as deviating by about as much."""
-
-_LEAST_OUTSIDE: Final = 0.1
-"""Least share of rows outside a disturbance that makes it local."""
-
-_COURSE_POINTS: Final = 1000
-"""Most points of the course of residuals."""
 
 
 @dataclass(frozen=True, slots=True)

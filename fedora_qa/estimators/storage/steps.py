@@ -6,10 +6,9 @@ values on it with a probability below ``CHANCE``. Chance is at least one half: o
 every second one lies on this grid too. Of all accepted grids the coarsest is meant, as its values lie on finer ones by
 necessity.
 
-The steps in which depths were stored where these are not known beforehand: of 1/z (a z-buffer, a disparity), or z.
-
-Values alone do not identify a step: the inverse depths of a plane are as regular as a grid. Second differences identify
-it. They are 0 on a plane, vary on a curved surface, and are whole multiples of one step where depths were rounded.
+Depths may be stored in steps of z or of 1/z (a z-buffer, a disparity). Their values alone do not identify the step: the
+inverse depths of a plane are as regular as a grid. Second differences identify it. They are 0 on a plane, vary on a
+curved surface, and are whole multiples of one step where depths were rounded.
 """
 
 from collections.abc import Iterator
@@ -32,6 +31,8 @@ from fedora_qa.sequence.stored_step import (
 )
 
 Float64 = NDArray[np.float64]
+
+Int64 = NDArray[np.int64]
 
 CHANCE: Final = 1e-6
 """Probability that values that were not rounded to a grid are taken to lie on it."""
@@ -64,6 +65,26 @@ _DECIMALS: Final = tuple(digit * 10.0**power for power in range(3, -13, -1) for 
 _BINARIES: Final = tuple(2.0**power for power in range(6, -41, -1))
 _STEPS: Final = np.array(sorted((*_DECIMALS, *_BINARIES), reverse=True))
 """Steps that are tried, in the unit of the values."""
+
+_EDGE: Final = 0.05
+"""Largest second difference that is used, as a share of the value. Larger ones are edges, or belong to steps that are
+too coarse to use."""
+
+# Most pixels of a frame that are used, and least number of significant second differences.
+_MOST_PIXELS: Final = 40_000
+_FEWEST_STEPS: Final = 30
+_LEAST_BENT_SHARE: Final = 0.01
+"""Least share (0 to 1) of second differences that are significant. A rarer step affects as few pixels."""
+
+_BOTH_WAYS: Final = 0.2
+"""Least share (0 to 1) of second differences of each sign. Where values were rounded, each sign has half of them."""
+
+_SMALL: Final = 6.5
+"""Largest second difference that is used, in steps. Larger ones multiply the error of the step."""
+
+_PHASE: Final = 0.15
+"""Largest distance from a whole multiple, in steps, that rounding to float32 causes. By chance 3 of 10 values are so
+near, and 30 of 30 values in one of 1e16 trials."""
 
 
 def stored_step(values: NDArray[np.floating], *, with_unknown_steps: bool = False) -> StoredStep:
@@ -202,29 +223,6 @@ def _is_beyond_chance(on: int, count: int, chance: float, candidates: int) -> bo
     missing = 1 - share
     divergence = share * np.log(share / chance) + (missing * np.log(missing / (1 - chance)) if missing else 0.0)
     return bool(count * divergence > np.log(candidates / CHANCE))
-
-
-Int64 = NDArray[np.int64]
-
-_EDGE: Final = 0.05
-"""Largest second difference that is used, as a share of the value. Larger ones are edges, or belong to steps that are
-too coarse to use."""
-
-# Most pixels of a frame that are used, and least number of significant second differences.
-_MOST_PIXELS: Final = 40_000
-_FEWEST_STEPS: Final = 30
-_LEAST_BENT_SHARE: Final = 0.01
-"""Least share (0 to 1) of second differences that are significant. A rarer step affects as few pixels."""
-
-_BOTH_WAYS: Final = 0.2
-"""Least share (0 to 1) of second differences of each sign. Where values were rounded, each sign has half of them."""
-
-_SMALL: Final = 6.5
-"""Largest second difference that is used, in steps. Larger ones multiply the error of the step."""
-
-_PHASE: Final = 0.15
-"""Largest distance from a whole multiple, in steps, that rounding to float32 causes. By chance 3 of 10 values are so
-near, and 30 of 30 values in one of 1e16 trials."""
 
 
 @dataclass(frozen=True, slots=True)
