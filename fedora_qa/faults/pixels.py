@@ -30,9 +30,7 @@ from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
 
-_X, _Y, _P = "path/events/x", "path/events/y", "path/events/p"
-
-_T = "path/events/t"
+_X, _Y, _T, _P = "path/events/x", "path/events/y", "path/events/t", "path/events/p"
 
 _COLUMN_AXIS: Final = 2
 _ROW_AXIS: Final = 1

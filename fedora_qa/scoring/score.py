@@ -55,7 +55,6 @@ from fedora_qa.sequence.sequence import Sequence, file_times_us, open_sequence
 
 Float32 = NDArray[np.float32]
 Int64 = NDArray[np.int64]
-
 Float64 = NDArray[np.float64]
 
 MOST_POINTS: Final = 200

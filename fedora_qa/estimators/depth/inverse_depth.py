@@ -23,7 +23,6 @@ from fedora_qa.estimators.flow.mask import EDGE
 Depths = NDArray[np.floating[Any]]
 Float32 = NDArray[np.float32]
 Marks = NDArray[np.uint8]
-
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
 Int64 = NDArray[np.int64]
 
 TILE_PX: Final = 32

@@ -67,8 +67,7 @@ LEVEL_BIAS: Final = 0.01
 """Bias of a difference of weights by errors of the level between events: not derived, but measured.
 
 With closed-form frames and events, the true levels give the weights to 0.0002. Levels interpolated between events
-change
-differences of weights by up to 0.006, beyond the difference of linear and cubic interpolation.
+change differences of weights by up to 0.006, beyond the difference of linear and cubic interpolation.
 """
 
 _FREE: Final = np.array([[1.0, 0.0, -1.0], [-0.5, 1.0, -0.5]])

@@ -31,7 +31,6 @@ from fedora_qa.sequence.stored_step import (
 )
 
 Float64 = NDArray[np.float64]
-
 Int64 = NDArray[np.int64]
 
 CHANCE: Final = 1e-6
