@@ -1,9 +1,14 @@
 """Measurements that are in order contradict a cause only where they would have measured it."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from fedora_qa.diagnosis.vetoes import contradicts
+from fedora_qa.diagnosis.vetoes import ClockPlace, Place, contradicts, places_of_clocks
 from fedora_qa.record.types import Measurement, Result
+from fedora_qa.sequence.facts import Facts, clock_of
+from tests.support.memory_sequence import MS, facts_of, memory_sequence
 
 
 @pytest.mark.parametrize(("length_m", "is_contradicted"), [(1.6e-5, False), (1.8e-5, True)])
@@ -18,3 +23,74 @@ def test_jumps_that_fail_contradict_no_teleport() -> None:
     jump = Measurement("position_jump", 1e-3, "m", 4e-7, 0.0, 6e-6, 8e-6)
     results = {"pose.continuity": Result("pose.continuity", "failed", "jumps", measurements=(jump,))}
     assert not contradicts("teleport", "pose", 1e-3, results, {})
+
+
+def places_of(facts: Facts) -> dict[str, Place]:
+    return {stream: clock.place for stream, clock in places_of_clocks(facts).items()}
+
+
+def moved(stream: str, offset_ns: int, rows: slice = slice(None)) -> Facts:
+    """Facts of a sequence of which some timestamps of a stream have an offset."""
+    facts = facts_of(memory_sequence())
+    times_ns = facts.clocks[stream].times_ns.copy()
+    times_ns[rows] += offset_ns
+    return replace(facts, clocks={**facts.clocks, stream: clock_of(times_ns, None)})
+
+
+def test_clean_clocks_are_in_place() -> None:
+    """Frames, IMU and poses of one grid; events have none."""
+    places = places_of(facts_of(memory_sequence()))
+    assert places.keys() == {"rgb", "depth", "flow", "imu", "pose"}
+    assert set(places.values()) == {"in"}
+
+
+@pytest.mark.parametrize("stream", ["rgb", "depth", "imu", "pose"])
+@pytest.mark.parametrize("offset_ns", [1000, 370_000, -2_013_000])
+def test_a_moved_clock_is_out_and_the_others_are_in(stream: str, offset_ns: int) -> None:
+    """From one microsecond on."""
+    places = places_of(moved(stream, offset_ns))
+    assert places.pop(stream) == "out"
+    assert set(places.values()) == {"in"}
+
+
+def test_a_moved_frame_is_enough() -> None:
+    """A clock of which one frame is late is not in place, so that nothing contradicts its offset."""
+    assert places_of(moved("rgb", 3 * MS + 1000, slice(3, 4)))["rgb"] == "out"
+
+
+def test_two_clocks_alone_do_not_tell() -> None:
+    """Which of two is wrong is unknown; and so it is where no two others agree."""
+    facts = moved("rgb", 1000)
+    two = replace(facts, clocks={stream: facts.clocks[stream] for stream in ("rgb", "depth")})
+    assert set(places_of(two).values()) == {"unknown"}
+    random = np.random.default_rng(0)
+    scattered = {
+        stream: clock_of(clock.times_ns + int(random.integers(1, MS // 2)) * (place + 1), None)
+        for place, (stream, clock) in enumerate(facts.clocks.items())
+    }
+    assert "in" not in places_of(replace(facts, clocks=scattered)).values()
+
+
+def test_whole_periods_leave_a_clock_on_its_grid() -> None:
+    """Depth one frame late lies on the grid of the frames: only other offsets are excluded."""
+    depth = places_of_clocks(moved("depth", 20 * MS))["depth"]
+    assert (depth.place, depth.period_ms) == ("in", 20.0)
+    assert not depth.excludes(20.0)
+    assert not depth.excludes(-39.9)
+    assert all(depth.excludes(offset_ms) for offset_ms in (2.0, 13.0, -21.0, 0.1, None))
+    assert not ClockPlace("unknown", 20.0).excludes(2.0)
+
+
+def test_streams_that_left_the_grid_together_are_out() -> None:
+    """Colour and depth of one renderer 6.4 ms late, by as much: flow, IMU and poses are the most that share a grid."""
+    late = moved("rgb", 6_415_000)
+    for offset_ns, place in ((6_415_000, "out"), (3_111_000, "unknown")):
+        both = replace(late, clocks={**late.clocks, "depth": moved("depth", offset_ns).clocks["depth"]})
+        assert places_of(both) == {"rgb": place, "depth": place, "flow": "in", "imu": "in", "pose": "in"}
+
+
+def test_a_frame_on_the_grid_of_the_poses_alone_is_out() -> None:
+    """Colour 5 ms late: still at poses (200 Hz) and samples of the IMU (1000 Hz), not at depth and flow."""
+    places = places_of(moved("rgb", 5 * MS))
+    assert places.pop("rgb") == "out"
+    assert set(places.values()) == {"in"}

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from fedora_qa.evidence.trajectory import frusta_of
 from fedora_qa.geometry.lens import pixels_of_rays
 from fedora_qa.sequence.declared import Camera, Lens
-from tests.evidence.test_point_cloud import LEVER_M, T_BODY_CAMERA, K
+from tests.evidence.test_clouds import LEVER_M, T_BODY_CAMERA, K
 
 CAMERA = Camera(8, 6, K, T_BODY_CAMERA)
 YAWS_RAD = np.array([0.0, 0.7, 2.0])

@@ -1,14 +1,28 @@
 """Folders of images are rows in the order of their numbers."""
 
+import struct
 import time
+import zlib
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 
-from fedora_qa.sources.images import images_of, in_order, left_out, number_in, numbers_of
+from fedora_qa.sources import images
+from fedora_qa.sources.images import (
+    ImageForm,
+    image_form,
+    images_of,
+    in_order,
+    left_out,
+    number_in,
+    numbers_of,
+    read_image,
+)
 from fedora_qa.sources.source import SourceError
 from tests.support.dsec_folder import write_png
 
@@ -80,3 +94,111 @@ def test_opening_twenty_thousand_images_reads_one_header(tmp_path: Path) -> None
     assert images.shape == (20_000, 2, 3)
     assert numbers is not None
     assert spent_s < 2.0
+
+
+SHAPES = st.sampled_from([(5, 7), (4, 3, 3), (1, 1), (6, 2, 4)])
+
+
+@given(st.data())
+def test_what_is_written_is_read(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    """Values, size, depth and the order of channels survive, with 8 and 16 bits, grey, colour and transparency."""
+    shape = data.draw(SHAPES)
+    image = data.draw(arrays.arrays(data.draw(st.sampled_from([np.uint8, np.uint16])), shape))
+    path = tmp_path_factory.mktemp("png") / "0.png"
+    if len(shape) == 3 and shape[2] == 4:
+        assert cv2.imwrite(str(path), image[..., [2, 1, 0, 3]])
+    else:
+        write_png(path, image)
+    form = image_form(path)
+    assert form == ImageForm(shape, str(image.dtype))
+    np.testing.assert_array_equal(read_image(path, form), image)
+
+
+def test_palette_and_single_bits(tmp_path: Path) -> None:
+    """A palette is read as colours, and grey of one bit as 8 bits: as OpenCV decodes them."""
+
+    def chunk(name: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+
+    def write(path: Path, bits: int, colour: int, rows: bytes, extra: bytes = b"") -> Path:
+        header = chunk(b"IHDR", struct.pack(">IIBBBBB", 8, 1, bits, colour, 0, 0, 0))
+        path.write_bytes(
+            b"\x89PNG\r\n\x1a\n" + header + extra + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+        )
+        return path
+
+    bits = write(tmp_path / "bits.png", 1, 0, b"\0\xf0")
+    np.testing.assert_array_equal(read_image(bits, image_form(bits)), [[255] * 4 + [0] * 4])
+    palette = write(tmp_path / "palette.png", 8, 3, b"\0" + bytes([1] * 8), chunk(b"PLTE", bytes([0, 0, 0, 9, 8, 7])))
+    np.testing.assert_array_equal(read_image(palette, image_form(palette))[0, 0], [9, 8, 7])
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg"])
+def test_jpeg_and_png_state_their_size(suffix: str, tmp_path: Path) -> None:
+    """The size that the header states is that of the decoded image."""
+    path = tmp_path / f"0.{suffix}"
+    for shape in ((11, 13, 3), (5, 6)):
+        assert cv2.imwrite(str(path), np.full(shape, 90, np.uint8))
+        form = image_form(path)
+        assert form.shape == shape
+        assert read_image(path, form).shape == shape
+
+
+@pytest.fixture
+def sound(tmp_path: Path) -> Path:
+    path = tmp_path / "000000.png"
+    write_png(path, np.random.default_rng(3).integers(0, 255, (40, 30, 3), np.uint8))
+    return path
+
+
+def test_any_flipped_byte_is_noticed(sound: Path) -> None:
+    """A changed byte is refused wherever it lies, for a checksum covers every part."""
+    content, form = sound.read_bytes(), image_form(sound)
+    original = read_image(sound, form)
+    for at in np.random.default_rng(1).integers(0, len(content), 150):
+        damaged = bytearray(content)
+        damaged[at] ^= 0x41
+        sound.write_bytes(bytes(damaged))
+        with pytest.raises(SourceError, match="Expected"):
+            np.testing.assert_array_equal(read_image(sound, form), original)
+
+
+@pytest.mark.parametrize("kept", [0, 4, 20, 33, 60, -1])
+def test_cut_off(kept: int, sound: Path) -> None:
+    """An image that ends early is refused."""
+    form = image_form(sound)
+    sound.write_bytes(sound.read_bytes()[:kept])
+    with pytest.raises(SourceError, match=r"cut off|header|something else"):
+        read_image(sound, form)
+
+
+def test_cut_off_jpeg(tmp_path: Path) -> None:
+    """OpenCV would fill the rest with grey."""
+    path = tmp_path / "0.jpg"
+    assert cv2.imwrite(str(path), np.random.default_rng(3).integers(0, 255, (40, 30, 3), np.uint8))
+    form = image_form(path)
+    path.write_bytes(path.read_bytes()[:-60])
+    with pytest.raises(SourceError, match="cut off"):
+        read_image(path, form)
+
+
+def test_another_size_or_depth(sound: Path) -> None:
+    """The sentence names both."""
+    expected = image_form(sound)
+    write_png(sound, np.zeros((40, 30), np.uint16))
+    with pytest.raises(
+        SourceError, match=r"000000.png of 30 x 40 pixels, 8-bit colour, got 30 x 40 pixels, 16-bit grey"
+    ):
+        read_image(sound, expected)
+
+
+def test_a_stated_size_is_refused_before_memory_is_taken(sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A few bytes can state an image of gigabytes."""
+    content = bytearray(sound.read_bytes())
+    content[16:24] = (1 << 16).to_bytes(4, "big") * 2
+    sound.write_bytes(bytes(content))
+    with pytest.raises(SourceError, match="33554432 pixels at most, got 65536 x 65536"):
+        image_form(sound)
+    monkeypatch.setattr(images, "LARGEST_BYTES", 10)
+    with pytest.raises(SourceError, match="in 10 bytes at most"):
+        read_image(sound, ImageForm((1, 1), "uint8"))

@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.flow.mask import edges, flow_conflicts, inverse_depth
+from fedora_qa.estimators.flow.mask import compare_patterns, depth_range_m, edges, flow_conflicts, inverse_depth
 from fedora_qa.estimators.flow.residual import TileGrid
 from fedora_qa.estimators.flow.visibility import seen_in_both, seen_in_few_tiles
 from fedora_qa.geometry.camera import RigidMotion
@@ -158,3 +161,25 @@ def test_parts_tell_what_maps_tell_of_a_tile_that_is_torn_apart() -> None:
     assert expected[0, :, 22:].any()
     found = seen_in_few_tiles(camera, motion, origins, (32, 32), (near, after), 0.0)
     np.testing.assert_array_equal(found, expected)
+
+
+SHAPE = (4, 9)
+NUMBERS = st.sampled_from([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-42, -2.5, 1.5, 40.0, 3e38])
+MOSTLY_PLAIN = st.one_of(st.just(3.0), NUMBERS)
+
+
+@settings(deadline=None)  # the first call compiles
+@given(
+    arrays(np.float32, (*SHAPE, 2), elements=MOSTLY_PLAIN, fill=st.just(3.0)),
+    arrays(np.float32, SHAPE, elements=MOSTLY_PLAIN, fill=st.just(3.0)),
+    arrays(np.bool_, SHAPE),
+)
+def test_counts_and_range_are_those_of_numpy(flow_px: np.ndarray, depth_m: np.ndarray, moving: np.ndarray) -> None:
+    """Flow without depth, depth that stands without flow, infinite flow; least and largest depth that stands."""
+    standing_m = np.where(moving, np.float32(np.nan), depth_m)
+    present, valid = np.isfinite(flow_px).all(axis=-1), np.isfinite(depth_m) & (depth_m > 0)
+    stands = valid & np.isfinite(standing_m)
+    expected = (present & ~valid).sum(), (stands & ~present).sum(), np.isinf(flow_px).any(axis=-1).sum()
+    assert compare_patterns(flow_px.reshape(SHAPE[0], -1), depth_m, standing_m) == expected
+    found = depth_range_m(depth_m, standing_m)
+    assert found == ((depth_m[stands].min(), depth_m[stands].max()) if stands.any() else None)

@@ -1,5 +1,7 @@
 """Images read at some of their pixels agree with what OpenCV and NumPy make of all of them."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -12,8 +14,9 @@ from fedora_qa.estimators.events.footprint import footprints
 from fedora_qa.estimators.images.event_colours import edge_aware_colours
 from fedora_qa.estimators.images.luma import cut_off, luma_of, luma_of_linear
 from fedora_qa.estimators.images.order import is_constant, reduced, reduced_flow
-from fedora_qa.estimators.images.samples import along_the_flow, noise_variances, steepness
+from fedora_qa.estimators.images.samples import RETURN_PX, along_the_flow, noise_variances, steepness, tracked_motion_px
 from fedora_qa.estimators.images.values import count_not_finite, count_outside, positive_extremes
+from tests.estimators.event_world import Checkers, Waves
 
 Float32 = NDArray[np.float32]
 RNG = np.random.default_rng(5)
@@ -167,3 +170,24 @@ def test_texture_only_adds() -> None:
     texture = 20 * np.sin(1.2 * columns) * np.sin(0.9 * rows)
     noise = NOISE_RNG.normal(0.0, 1.0, (50, 32, 32))
     assert (noise_variances((texture + noise).astype(np.float32)) > 1.0).all()
+
+
+SHAPE = (100, 140)
+
+
+@pytest.mark.parametrize("motion_px", [0.0, 0.4, 1.3, 4.0, 9.5])
+@pytest.mark.parametrize("world", [Waves(amplitude_dn=20.0, mean_dn=128.0, seed=3), Checkers(60.0, 50.0)])
+def test_motion_is_that_of_the_texture(motion_px: float, world: Waves) -> None:
+    """To a fifth of a pixel, and never above it by more than its error."""
+    if isinstance(world, Checkers) and motion_px > 0.5 * world.side_px:
+        pytest.skip("a checkerboard repeats itself")
+    moving = replace(world, velocity_px_s=(0.8 * motion_px, 0.6 * motion_px))
+    light_dn = np.stack([moving.luma(0.0, SHAPE), moving.luma(1.0, SHAPE)]).astype(np.float32)
+    assert tracked_motion_px(light_dn) == pytest.approx(max(motion_px - RETURN_PX, 0.0), abs=0.2)
+
+
+def test_nothing_is_stated_without_corners() -> None:
+    """Of an even image, and of one that has nothing in common with the next."""
+    rng = np.random.default_rng(2)
+    assert tracked_motion_px(np.full((2, *SHAPE), 100, np.float32)) == 0.0
+    assert tracked_motion_px(rng.uniform(0, 255, (2, *SHAPE)).astype(np.float32)) < 1.0

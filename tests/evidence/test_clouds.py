@@ -1,4 +1,4 @@
-"""Depth in the world: a wall stays where it is however the body turns; colours are those of the pixels."""
+"""Single events around the busiest instants: which they are, thinned evenly, and of one picture with the snapshot."""
 
 from dataclasses import replace
 
@@ -6,15 +6,88 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.evidence.clouds import cloud_times_ns, keep_point_cloud, take_point_cloud
+from fedora_qa.evidence.clouds import (
+    cloud_times_ns,
+    keep_event_clouds,
+    keep_point_cloud,
+    take_event_cloud,
+    take_point_cloud,
+)
+from fedora_qa.evidence.titled_arrays import TitledArrays
 from fedora_qa.geometry.lens import pixels_of_rays
 from fedora_qa.sequence.declared import Camera, Declared, Lens
 from fedora_qa.sequence.facts import Facts
-from tests.evidence.memory import HEIGHT, WIDTH, Memory, memory
+from tests.evidence.memory import HEIGHT, SENSOR_HEIGHT, SENSOR_WIDTH, WIDTH, Memory, memory
 from tests.support.facts import MS, clock
 
-ALL = HEIGHT * WIDTH
 INSTANT_NS = 500 * MS
+
+
+def clouds_of(file: Memory, *times_ns: int, most: int = 3, events: int = 4000) -> TitledArrays:
+    """What is kept of instants in the third window."""
+    taken = [take_event_cloud(file.window(2), time_ns, events) for time_ns in times_ns]
+    return keep_event_clouds([cloud for cloud in taken if cloud is not None], file.facts, most)
+
+
+def test_events_are_those_of_the_file() -> None:
+    """All events of 10 ms before and after the instant, with their pixel, time and polarity."""
+    file = memory()
+    kept = clouds_of(file, INSTANT_NS)
+    rows = np.arange(490, 510)  # an event each ms
+    for name, key in (("x", "x"), ("y", "y"), ("polarities", "p")):
+        np.testing.assert_array_equal(kept.arrays[f"event_clouds/{name}"], file.columns[f"path/events/{key}"][rows])
+    np.testing.assert_array_equal(kept.arrays["event_clouds/offsets_us"], (rows - 500) * 1000)
+    assert kept.arrays["event_clouds/times_us"] == file.facts.origin_us + 500e3
+    intervals_us = kept.arrays["event_clouds/intervals_us"] - file.facts.origin_us
+    assert intervals_us.tolist() == [[490e3, 510e3]]
+    assert kept.arrays["event_clouds/counts"].tolist() == [20]
+    assert kept.arrays["event_clouds/shapes_px"].tolist() == [[SENSOR_HEIGHT, SENSOR_WIDTH]]
+    dtypes = {"x": "u2", "y": "u2", "offsets_us": "i2", "polarities": "u1", "instant": "u1"}
+    assert {name: kept.arrays[f"event_clouds/{name}"].dtype.str[1:] for name in dtypes} == dtypes
+    assert kept.titles.keys() == kept.arrays.keys()
+
+
+def test_events_are_thinned_evenly() -> None:
+    """Of twenty events five, from the first to the last at nearly even steps; all are counted."""
+    kept = clouds_of(memory(), INSTANT_NS, events=5).arrays
+    assert kept["event_clouds/offsets_us"].tolist() == [-10_000, -5_000, 0, 4_000, 9_000]
+    assert kept["event_clouds/counts"].tolist() == [20]
+
+
+def test_instants_with_most_events_are_kept_in_the_order_of_time() -> None:
+    """Without the events from 480 to 495 ms, the instants after them are the busiest; ties keep the earlier."""
+    file = memory()
+    silent = (file.columns["path/events/t"] >= 480 * MS) & (file.columns["path/events/t"] < 495 * MS)
+    file.columns = {key: rows[~silent] if "events" in key else rows for key, rows in file.columns.items()}
+    kept = clouds_of(file, 490 * MS, 505 * MS, 520 * MS, 540 * MS, most=2).arrays
+    assert (kept["event_clouds/times_us"] - file.facts.origin_us).tolist() == [505e3, 520e3]
+    assert kept["event_clouds/instant"].tolist() == [0] * 20 + [1] * 20
+
+
+def test_events_beside_the_sensor_are_left_out() -> None:
+    """An event beyond the declared size is in no cloud; without a declaration the events themselves give the size."""
+    file = memory()
+    x = file.columns["path/events/x"].copy()
+    x[500] = 9
+    file.columns = {**file.columns, "path/events/x": x}
+    kept = clouds_of(file, INSTANT_NS).arrays
+    assert kept["event_clouds/counts"].tolist() == [19]
+    assert int(kept["event_clouds/x"].max()) < SENSOR_WIDTH
+    file.facts = replace(file.facts, declared=Declared())
+    assert clouds_of(file, INSTANT_NS).arrays["event_clouds/shapes_px"].tolist() == [[SENSOR_HEIGHT, 10]]
+
+
+def test_nothing_to_keep() -> None:
+    """Without events, with unreadable ones, and where none is near, there is no cloud."""
+    file = memory()
+    assert not clouds_of(file, 5000 * MS).arrays
+    file.unreadable = {"path/events/x"}
+    assert not clouds_of(file, INSTANT_NS).arrays
+    file.facts = replace(file.facts, streams=frozenset({"rgb"}))
+    assert not clouds_of(file, INSTANT_NS).arrays
+
+
+ALL = HEIGHT * WIDTH
 K = np.array([[5.0, 0.0, 3.5], [0.0, 5.0, 2.5], [0.0, 0.0, 1.0]])
 LEVER_M = np.array([0.1, 0.2, -0.3])
 

@@ -1,13 +1,16 @@
 """JUnit XML is read by a real reader, and holds what the record holds."""
 
+import json
+import re
 from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase
 
-from fedora_qa.record.ci import record_to_junit
-from fedora_qa.record.types import Record
+from fedora_qa.record.ci import record_to_badge, record_to_github, record_to_junit, silenced
+from fedora_qa.record.types import FileRecord, Record
+from tests.support.documented import blocks
 from tests.support.random_records import records, unhurried
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
 
@@ -80,3 +83,82 @@ def test_hostile_text_makes_no_markup(hostile: str) -> None:
     ].result
     assert failure.message[0] == "a"
     assert failure.message[-1] == "b"
+
+
+COMMAND = re.compile(r"::(error|warning|notice) file=([^:,\r\n]*),title=([^:,\r\n]*)::([^\r\n]*)")
+
+
+def decoded(text: str) -> str:
+    """Text as GitHub's runner decodes it (actions/runner, ActionCommand.cs)."""
+    for escape, character in (("%0D", "\r"), ("%0A", "\n"), ("%3A", ":"), ("%2C", ","), ("%25", "%")):
+        text = text.replace(escape, character)
+    return text
+
+
+def test_a_finding_is_an_annotation() -> None:
+    """An error and a warning of one file, with rule, message and place."""
+    error, warning = record_to_github(record()).splitlines()
+    found = COMMAND.fullmatch(error)
+    assert found
+    assert found.groups()[:3] == ("error", "seq.h5", "event_response.timing.offset")
+    assert found[4].startswith("Events are 2.06 ± 0.03 ms late.")
+    assert found[4].endswith("(events, 0 s to 2 s)")
+    assert warning.startswith("::warning file=seq.h5,")
+
+
+def test_clean_is_silent() -> None:
+    """A clean file has no annotation."""
+    assert record_to_github(record(file_record(passed()))) == ""
+
+
+@unhurried
+@given(records())
+def test_every_line_is_one_command(shown: Record) -> None:
+    """No text ends a property, begins a line, or gives another command."""
+    for line in record_to_github(shown).split("\n")[:-1]:
+        assert COMMAND.fullmatch(line)
+
+
+@pytest.mark.parametrize("hostile", ["100%0A::error::x", "50%, a:b,c", "::stop-commands::x"])
+def test_text_comes_back(hostile: str) -> None:
+    """Escapes, colons and commas in a file's text are shown as they are."""
+    finding = replace(failed().findings[0], message=hostile, code=hostile)
+    shown = record(file_record(replace(failed(), findings=(finding,)), path=hostile))
+    found = COMMAND.fullmatch(record_to_github(shown).removesuffix("\n"))
+    assert found
+    assert [decoded(part) for part in found.groups()[1:3]] == [hostile, hostile]
+    assert decoded(found[4]).startswith(hostile)
+
+
+def test_a_line_break_begins_no_command() -> None:
+    """A message of two lines, the second a command, stays one line."""
+    finding = replace(failed().findings[0], message="one\n::error::two\r\nthree")
+    (line,) = record_to_github(record(file_record(replace(failed(), findings=(finding,))))).splitlines()
+    assert "::error::two" in line
+
+
+def test_silence_ends_with_its_own_token() -> None:
+    """The summary stands between a stop and the token that ends it, a new one each time."""
+    lines = silenced("::error::hello").splitlines()
+    token = lines[0].removeprefix("::stop-commands::")
+    assert lines == [f"::stop-commands::{token}", "::error::hello", f"::{token}::"]
+    assert silenced("x") != silenced("x")
+
+
+@pytest.mark.parametrize(
+    ("files", "message", "color"),
+    [
+        ((file_record(passed()),), "clean", "brightgreen"),
+        ((file_record(passed()), file_record(failed(), path="b.h5")), "findings", "red"),
+        ((file_record(crashed()), file_record(failed(), path="b.h5")), "incomplete", "orange"),
+    ],
+)
+def test_the_gravest_verdict_has_its_colour(files: tuple[FileRecord, ...], message: str, color: str) -> None:
+    """One file that is not clean is enough; nothing but a clean record is green."""
+    shown = json.loads(record_to_badge(record(*files)))
+    assert shown == {"schemaVersion": 1, "label": "fedora-qa", "message": message, "color": color}
+
+
+def test_the_documentation_has_the_badge_of_a_clean_record() -> None:
+    """The page on CI shows what is written."""
+    assert json.loads(blocks("ci.md", "json")[0]) == json.loads(record_to_badge(record(file_record(passed()))))
