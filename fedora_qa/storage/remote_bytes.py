@@ -54,7 +54,7 @@ class RemoteBytes(io.RawIOBase):
     def require_sound(self) -> None:
         """Raise ``StorageError`` where anything could not be read."""
         if self.failure is not None:
-            raise self.failure
+            raise StorageError(*self.failure.args) from None
 
     def require_unchanged(self) -> None:
         """Raise ``StorageError`` where anything could not be read, or the file was changed."""
@@ -95,7 +95,9 @@ class RemoteBytes(io.RawIOBase):
                 target[: stop - start] = self._through_blocks(start, stop)
         except StorageError as failure:
             # HDF5 turns the exception into an error that looks like damage; ``require_sound`` raises the reason.
-            self.failure = failure
+            # Without traceback: its frames hold the property list by which HDF5 holds this object, where no garbage
+            # collector looks. HDF5 would free both after the interpreter has ended, and crash.
+            self.failure = StorageError(*failure.args)
             raise
         self._at = stop
         return stop - start

@@ -3,6 +3,8 @@
 import faulthandler
 import gc
 import socket
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -117,6 +119,28 @@ def test_without_ranges(server: FileServer) -> None:
     with pytest.raises(StorageError, match="range requests"):
         open_sequence(remote(server))
     assert server.sent_bytes < 3 * (server.folder / "seq.h5").stat().st_size
+
+
+READS_AND_ENDS = """
+import sys
+from fedora_qa.errors import StorageError
+from fedora_qa.sequence import sequence
+from fedora_qa.storage.place import place_of
+sequence.BLOCK_BYTES = 512
+try:
+    sequence.open_sequence(place_of(sys.argv[1]))
+except StorageError as error:
+    print(error)
+"""
+
+
+def test_a_process_ends_after_a_failure(server: FileServer) -> None:
+    """What failed is no longer held when the interpreter ends: else HDF5 would free it too late, and crash."""
+    server.ranges = False
+    command = [sys.executable, "-c", READS_AND_ENDS, server.url("seq.h5")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "range requests" in done.stdout
 
 
 @pytest.mark.parametrize(
