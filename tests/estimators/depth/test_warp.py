@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.depth.inverse_depth import depth_image
-from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, lattice_of, lattice_stride, residuals_after, warp
+from fedora_qa.estimators.depth.warp import (
+    DepthLattice,
+    DepthModel,
+    lattice_of,
+    lattice_stride,
+    ray_lengths,
+    residuals_after,
+    warp,
+)
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.lens import rays_of_pixels
 from fedora_qa.sequence.declared import Lens
@@ -157,6 +165,11 @@ def test_rays_agree_as_rays() -> None:
     known = np.isfinite(as_rays.residuals)
     assert np.all(np.abs(as_rays.residuals[known]) <= as_rays.bounds[known])
     assert np.nanmedian(np.abs(as_z.residuals)) > 100 * np.nanmedian(np.abs(as_rays.residuals))
+
+
+def test_lengths_of_rays() -> None:
+    """The lengths of the rays of a pinhole are those of the vectors (x/z, y/z, 1)."""
+    np.testing.assert_allclose(ray_lengths(K, None, (HEIGHT, WIDTH)), np.linalg.norm(RAYS, axis=-1), rtol=1e-7)
 
 
 def test_lattice_keeps_enough_of_small_images() -> None:

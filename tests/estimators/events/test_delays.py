@@ -47,6 +47,14 @@ def test_errors_of_honest_parts_have_unit_spread() -> None:
     assert 0.75 < np.std(scores) < 1.1
 
 
+def test_cells_that_scatter_widen_the_errors_of_all_parts() -> None:
+    """Where delays of cells scatter by three formal errors, no tile has a formal error, however its own cells agree."""
+    formal_s = 0.05 / 5 / 20
+    offset_s = np.random.default_rng(2).normal(0, 3 * formal_s, (4, 16))
+    parts = delays_of_parts(sums_of(offset_s), 0)
+    assert np.min(parts.errors_s) > 2 * formal_s / np.sqrt(4)
+
+
 def test_few_edges_that_err_alike_by_chance_make_no_stretch_late() -> None:
     """Four tiles a window tell, each off by an error of its own: no window of 1000 honest files stands out at 5 sigma.
 

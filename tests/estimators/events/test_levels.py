@@ -181,6 +181,17 @@ def test_unsure_pairs_do_not_move_the_fit(events: Stream) -> None:
     assert sure.threshold_off == pytest.approx(0.2, rel=0.01)
 
 
+def test_weights_are_precisions(events: Stream) -> None:
+    """Where each pair errs as its weight states, none is an outlier: the sums have nearly the given weights."""
+    pairs, rng = pairs_of(events), np.random.default_rng(0)
+    block = np.arange(len(pairs)) % 2
+    weights = np.where(block, 1.0, 0.04)
+    change = pairs.regressors @ np.array([0.15, 0.2, 0.0, 0.0]) + 0.01 * rng.normal(size=len(pairs)) / np.sqrt(weights)
+    for number, matrix in enumerate(accumulate(pairs, change, block, 2, np.zeros(len(pairs)), weights).matrices):
+        rows, given_weights = pairs.regressors[block == number], weights[block == number]
+        assert np.all(np.diag(matrix) > 0.9 * np.einsum("n,ni,ni->i", given_weights, rows, rows))
+
+
 def test_blocks_sum_to_the_whole(events: Stream) -> None:
     """The fit of blocks that were concatenated in two lists is that of all of them."""
     pairs = pairs_of(events)

@@ -10,6 +10,7 @@ from scipy.stats import norm
 
 from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel
 from fedora_qa.estimators.events.time_jitter import (
+    _OVERLAP,
     DEVIATES,
     FEWEST_PIXELS,
     MOST_OF_A_PIXEL,
@@ -17,6 +18,8 @@ from fedora_qa.estimators.events.time_jitter import (
     RANDOM_SHARE,
     SHAPE_SHARE,
     JitterEstimate,
+    _deviations,
+    _errors,
     chance_of_line,
     estimate_jitter,
     event_quadruples,
@@ -317,3 +320,12 @@ def test_chance_is_that_of_random_events() -> None:
     rng = np.random.default_rng(1)
     middles = rng.uniform(0, 2 * 5_000, 200_000)
     assert np.mean(np.abs(middles - 5_000) < 50) == pytest.approx(chance_of_line(50, 5_000), rel=0.1)
+
+
+def test_formal_errors_are_those_of_quartiles() -> None:
+    """Over many draws both deviations scatter by the error of a quartile, but for what quadruples share."""
+    rng, nothing = np.random.default_rng(0), np.zeros((400, 0), np.intp)
+    draws = rng.normal(size=(500, 400))
+    scatter = np.std([_deviations(draw, 1e-6) for draw in draws], axis=0)
+    stated = np.mean([_errors(draw, nothing, 1e-6) for draw in draws], axis=0)
+    assert stated / scatter == pytest.approx(np.sqrt(_OVERLAP), rel=0.1)

@@ -98,6 +98,9 @@ def test_tallies_of_a_dataset_add_up_and_keep_the_first_place() -> None:
     clean, bad = np.zeros((2, 3)), np.full((2, 3), np.nan)
     (total,) = add_up([tally_samples("k", 0, clean), tally_samples("k", 2, bad), tally_samples("k", 4, bad)])
     assert (total.values, total.nan, total.first) == (6, 4, (2, 0))
+    long, none = np.full((2, 4, 2), 1e4, np.float32), np.zeros((2, 4, 2), np.float32)
+    (total,) = add_up([tally_flow("f", row, field, 100.0) for row, field in enumerate([long, none, long])])
+    assert (total.outside, total.low, total.high) == (16, pytest.approx(1e4), pytest.approx(1e4))
 
 
 RNG = np.random.default_rng(0)

@@ -5,7 +5,7 @@ import pytest
 
 from fedora_qa.estimators.imu.preintegration import rotation_rows
 from fedora_qa.estimators.imu.specific_force import translation_rows
-from fedora_qa.estimators.imu.summary import PartialBias, partial_bias
+from fedora_qa.estimators.imu.summary import PartialBias, bias_drift, partial_bias
 from tests.support.motion_world import EXACT, sample_motion
 
 BIAS = np.array([0.02, -0.05, 0.03])
@@ -46,3 +46,23 @@ def test_a_bias_of_the_whole_sequence_is_none_of_a_part() -> None:
     """Nor is one of nearly all of it, nor is there a part without any rows of a bias."""
     assert bias_of(0.0, 3.0) is None
     assert bias_of(0.0, 1.95) is None
+
+
+def test_a_bias_that_drifts_is_known_at_both_ends() -> None:
+    """A bias that grows evenly is sized at the first and at the last sample; a constant one does not drift."""
+    samples = sample_motion()
+    share = (samples.imu_times_s - samples.imu_times_s[0]) / np.ptp(samples.imu_times_s)
+    samples.angular_velocities_body_rad_s[:] += np.outer(share, BIAS)
+    drift = bias_drift([rotation_rows(samples, EXACT)])
+    assert drift is not None
+    assert drift.first == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+    assert drift.last == pytest.approx(tuple(BIAS), abs=1e-3)
+    assert drift.explained > 0.98
+
+
+@pytest.mark.parametrize("bias", [0.0, 1.0], ids=["none", "constant"])
+def test_a_bias_that_does_not_drift_is_none_that_drifts(bias: float) -> None:
+    """Nor do correct samples have one."""
+    samples = sample_motion()
+    samples.angular_velocities_body_rad_s[:] += bias * BIAS
+    assert bias_drift([rotation_rows(samples, EXACT)]) is None

@@ -121,6 +121,22 @@ def test_errors_at_rest_are_those_of_what_is_stored(noise: InertialNoise) -> Non
     np.testing.assert_allclose(shared[1:], -pose_variance, rtol=1e-9)
 
 
+def test_a_pose_errs_by_the_faster_step_beside_it() -> None:
+    """Of a body that turns during one step alone, both poses of this step have errors of their timestamps, no other."""
+    moving = sample_motion(duration_s=0.1)
+    orientations = np.tile([0.0, 0.0, 0.0, 1.0], (len(moving.pose_times_s), 1))
+    orientations[1:] = Rotation.from_rotvec([0.0, 0.0, 0.05]).as_quat()
+    still = replace(
+        moving,
+        orientations_xyzw=orientations,
+        angular_velocities_body_rad_s=np.zeros_like(moving.angular_velocities_body_rad_s),
+    )
+    shared = -rotation_rows(still, InertialNoise()).covariance_bands[0, 0]
+    # Intervals 0 and 1 share pose 1, whose step before it turns; 1 and 2 share pose 2, beside steps at rest.
+    assert shared[1] > 10 * shared[2]
+    np.testing.assert_allclose(shared[3:], shared[2])
+
+
 def test_no_interval_spans_a_gap_of_the_poses() -> None:
     """Where poses are missing, the intervals on either side are compared, and none across."""
     samples = sample_motion(duration_s=0.5)

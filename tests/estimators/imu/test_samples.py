@@ -45,7 +45,8 @@ def test_blocks_cut_rows_without_loss(span_s: float, count: int, shortest_s: flo
     times_s = np.linspace(3.0, 3.0 + span_s, count)
     blocks = segments_of(times_s, shortest_s)
     assert [row for block in blocks for row in range(block.start, block.stop)] == list(range(count))
-    assert len(blocks) <= max(1, round(span_s / min(max(span_s / 8, shortest_s), 5.0)))
+    wanted = max(1, round(span_s / min(max(span_s / 8, shortest_s), 5.0)))
+    assert len(blocks) == wanted if count > 2 * wanted else len(blocks) <= wanted
     lengths = [block.stop - block.start for block in blocks]
     assert max(lengths) - min(lengths) <= 2  # one by what does not divide, one by rounding
 

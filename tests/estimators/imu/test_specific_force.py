@@ -79,6 +79,29 @@ def test_covariance_of_position_noise_is_that_of_second_differences() -> None:
     np.testing.assert_allclose(bands[:, :, 10], np.tile([1.0, -4.0, 6.0], (3, 1)), rtol=1e-6)
 
 
+def test_an_interval_counts_both_steps_beside_its_pose() -> None:
+    """Noise of the accelerometer adds a third of the base of the triangle, where a pose is missing, too."""
+    noise = InertialNoise(accel_density=0.05, gravity_m_s2=GRAVITY_M_S2)
+    samples = sample_motion(duration_s=0.5)
+    kept = np.delete(np.arange(len(samples.pose_times_s)), 40)
+    poses = {name: getattr(samples, name)[kept] for name in ("pose_times_s", "positions_world_m", "orientations_xyzw")}
+    rows = translation_rows(replace(samples, **poses), noise)
+    base_s = 2 * rows.spans_s
+    assert np.ptp(base_s) == pytest.approx(0.005)
+    np.testing.assert_allclose(rows.covariance_bands[0, 2], 0.05**2 * base_s / 3, rtol=0.03)
+
+
+def test_coarse_samples_err_as_stated() -> None:
+    """Of an IMU at a fifth of its rate, the integral errs by no more than is stated, and not by far less."""
+    samples = sample_motion()
+    every = slice(None, None, 5)
+    imu = {name: getattr(samples, name)[every] for name in
+           ("imu_times_s", "angular_velocities_body_rad_s", "specific_forces_body_m_s2")}  # fmt: skip
+    rows = translation_rows(replace(samples, **imu), EXACT)
+    size, stated = (np.sqrt(np.mean(values[5:-5] ** 2)) for values in (rows.residuals, rows.model_errors))
+    assert 0.1 * stated < size < 2 * stated
+
+
 def test_covariance_is_that_of_the_residuals() -> None:
     """Over many draws, variances and covariances match the stated ones, with the accelerometer's noise too."""
     noise = InertialNoise(accel_density=0.05, position_sigma_m=1e-5, gravity_m_s2=GRAVITY_M_S2)
