@@ -1,8 +1,7 @@
 """The commands of ``fedora-generate`` with their arguments and help. Each imports its work when it runs.
 
-Arguments of the commands: sizes, regions and lists of names, and completion of names in shells.
-
-A shell waits for completion at every key: this file loads nothing that draws.
+Arguments are sizes, regions and lists of names, which shells complete. A shell waits for completion at every key: this
+file loads nothing that draws.
 """
 
 import re

@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import pytest
 
-from fedora_qa.cli import check as cli_check_all
+from fedora_qa.cli import check as check_command
 from fedora_qa.cli.progress import counts_words
 from fedora_qa.cli.settings import with_jobs
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
@@ -91,7 +91,7 @@ class Watch:
     def __init__(self) -> None:
         self.checked: list[str] = []
         self.interrupt_after = 99
-        self._check_files = cli_check_all.check_files
+        self._check_files = check_command.check_files
 
     def __call__(self, paths: Any, *arguments: Any) -> Iterator[Any]:
         for path, run in self._check_files(paths, *arguments):
@@ -105,7 +105,7 @@ class Watch:
 def watch(monkeypatch: pytest.MonkeyPatch) -> Watch:
     """Quick checks in place of the real ones, watched."""
     watch = Watch()
-    monkeypatch.setattr(cli_check_all, "check_files", watch)
+    monkeypatch.setattr(check_command, "check_files", watch)
     replace_checks(monkeypatch, Counts())
     return watch
 

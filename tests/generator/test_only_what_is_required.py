@@ -109,8 +109,8 @@ def test_flow_is_rendered_only_where_an_interval_starts(tmp_path: Path, monkeypa
 EFFECTS = {
     "LowPass": {"bandwidth_hz": 100.0},
     "PoissonEvents.take_until": {"shot_rate_hz": 1.0},
-    "key_kernels.drop_refractory": {"refractory_us": 10},
-    "key_kernels.align_to_packets": {"packet_interval_us": 200},
+    "drop_refractory": {"refractory_us": 10},
+    "align_to_packets": {"packet_interval_us": 200},
 }
 
 

@@ -42,7 +42,6 @@ DIGEST_BYTES: Final = 16
 _LANES: Final = 8
 _ODD: Final = np.uint64(0x9E3779B97F4A7C15)
 """2^64 over the golden ratio: an odd factor without a pattern in its bits (D. E. Knuth, TAOCP 3, 6.4)."""
-_HALF_WORD: Final = np.uint64(32)
 
 
 def bits_of(values: NDArray[Any]) -> Bits:
@@ -448,4 +447,4 @@ def _fold_all(words: Words) -> Words:
 @njit(cache=True)
 def _fold(lane: np.uint64, word: np.uint64) -> np.uint64:
     mixed = (lane ^ word) * _ODD
-    return mixed ^ (mixed >> _HALF_WORD)
+    return mixed ^ (mixed >> _HALF)

@@ -5,10 +5,9 @@ within a factor of three or so. They order the rungs and set what a manifest exp
 detection measures the limits themselves. Noise of the pose hides motion by orders of magnitude, so what is held against
 the pose has two nominal sizes; where there is no noise, the rounding of timestamps and values sets the limit.
 
-Trials for a study of detection: many magnitudes of a fault, in many different sequences.
-
-Magnitudes and starts follow the golden ratio's multiples modulo 1, the sequence that is most evenly spread for every
-number of terms: with more trials or sequences, a corpus keeps those that it has.
+Trials for a study of detection are many magnitudes of a fault, in many different sequences. Magnitudes and starts
+follow the golden ratio's multiples modulo 1, the sequence that is most evenly spread for every number of terms: with
+more trials or sequences, a corpus keeps those that it has.
 """
 
 import math

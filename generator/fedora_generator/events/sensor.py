@@ -12,9 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.errors import SceneError
-from fedora_generator.events import keys as key_kernels
 from fedora_generator.events.comparator import Comparator, SignalNotFiniteError
-from fedora_generator.events.keys import EventBatch, KeyLayout, decode, sort_and_decode
+from fedora_generator.events.keys import (
+    EventBatch,
+    KeyLayout,
+    align_to_packets,
+    decode,
+    drop_refractory,
+    sort_and_decode,
+    sort_by_timestamp,
+)
 from fedora_generator.events.noise import LowPass, PoissonEvents, draw_hot_pixels, draw_thresholds
 from fedora_generator.events.options import EventSensorOptions
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
@@ -169,7 +176,7 @@ class EventSensor:
             spare = self._comparator.spare(keys.size)
             return sort_and_decode(keys, self._layout, first_us, last_us, self._start_ns // NS_PER_US, spare)
         spare = np.empty(keys.size, np.int64)  # effects may keep the array
-        keys = key_kernels.sort_by_timestamp(keys.copy(), self._layout.timestamp_shift, first_us, last_us, spare)
+        keys = sort_by_timestamp(keys.copy(), self._layout.timestamp_shift, first_us, last_us, spare)
         return self._decode(self._with_effects(keys, last_us))
 
     def follow(self, t_ns: int, source: CrossingSource) -> EventBatch:
@@ -236,13 +243,11 @@ class EventSensor:
         if self._spurious:
             keys = np.sort(np.concatenate([keys, *(source.take_until(stop_us) for source in self._spurious)]))
         if self._options.refractory_us:
-            kept = key_kernels.drop_refractory(
-                keys, self._layout.timestamp_shift, self._options.refractory_us, self._last_us
-            )
+            kept = drop_refractory(keys, self._layout.timestamp_shift, self._options.refractory_us, self._last_us)
             keys = keys[:kept]
         if not self._options.packet_interval_us:
             return keys
-        key_kernels.align_to_packets(keys, self._layout.timestamp_shift, self._options.packet_interval_us)
+        align_to_packets(keys, self._layout.timestamp_shift, self._options.packet_interval_us)
         keys = np.sort(np.concatenate([self._pending, keys]))
         split = int(np.searchsorted(keys, self._layout.first_key_after(stop_us)))
         self._pending = keys[split:]

@@ -12,9 +12,8 @@
 
 Each kind may have ``drag_per_s = 0.3`` and a ``[flight.wind]`` (``gusts.py``).
 
-Bursts of rotation on the spot, each to the same angular speed.
-
-A burst of yaw steps the yaw by ``angle_deg``: the rate is a Gaussian, so its peak gives the standard deviation.
+Bursts rotate on the spot, each to the same angular speed. A burst of yaw steps the yaw by ``angle_deg``: the rate is a
+Gaussian, so its peak gives the standard deviation.
 
 A burst of roll is a sudden start (or stop) sideways. A change of velocity dv spread over sigma needs the
 acceleration g A exp(-x^2 / 2), with x = t / sigma and A = dv / (sigma g sqrt(2 pi)), the tangent of the greatest roll.

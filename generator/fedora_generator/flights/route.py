@@ -1,11 +1,10 @@
 """A route: legs from waypoint to waypoint, and lines with corners smoothed over time.
 
-A line with corners, averaged over time with a Gaussian: C-infinity, and every derivative in closed form.
-
-Let the line jump by ``step`` and bend by ``bend`` (change its slope) at a corner, tau after it and z = tau / sigma.
-The average of a jump is the normal distribution Phi(z), that of a bend tau Phi(z) + sigma phi(z). An average never
-leaves the convex hull of the averaged values: the curve stays within the hull of the line, and its derivative within
-that of the slopes (and steps). So a smoothed route cuts corners, overshoots none, and is nowhere faster than ordered.
+A line is averaged over time with a Gaussian: the result is C-infinity, and has every derivative in closed form. Let the
+line jump by ``step`` and bend by ``bend`` (change its slope) at a corner, tau after it and z = tau / sigma. The average
+of a jump is the normal distribution Phi(z), that of a bend tau Phi(z) + sigma phi(z). An average never leaves the
+convex hull of the averaged values: the curve stays within the hull of the line, and its derivative within that of the
+slopes (and steps). So a smoothed route cuts corners, overshoots none, and is nowhere faster than ordered.
 """
 
 import math

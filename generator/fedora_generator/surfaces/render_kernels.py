@@ -1,9 +1,8 @@
 """The loops over tiles and pixels, for a pinhole and for a distorted camera.
 
-The loops over tiles and pixels of a distorted camera.
-
-Each pixel is rendered as that of a pinhole whose image is the affine map of ``camera.pixel_maps``: its footprint is the
-parallelogram that the distortion makes of its square, to first order, and its centre is exact.
+Each pixel of a distorted camera is rendered as that of a pinhole whose image is the affine map of
+``camera.pixel_maps``: its footprint is the parallelogram that the distortion makes of its square, to first order, and
+its centre is exact.
 """
 
 from typing import Final, NamedTuple

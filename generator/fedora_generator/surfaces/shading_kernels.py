@@ -1,11 +1,10 @@
 """Radiance of a face or of the sky over a footprint, with the light of lamps in closed form.
 
-Light of a lamp on a face, averaged over a parallelogram of it, in closed form.
-
-A lamp gives weight / (r^2 + H^2)^(3/2) at distance r from the foot of its perpendicular, H its softened height. That is
-the solid angle of a piece of the plane seen from height H, so that the mean over a triangle is its solid angle (van
-Oosterom and Strackee 1983, eq. 8: tan(angle / 2) = |p.(q x r)| / D) over H and over its area. The triple product is H
-times twice the area, without rounding of its own, which leaves the mean finite where the area vanishes.
+The light of a lamp on a face is averaged over a parallelogram of it. A lamp gives weight / (r^2 + H^2)^(3/2) at
+distance r from the foot of its perpendicular, H its softened height. That is the solid angle of a piece of the plane
+seen from height H, so that the mean over a triangle is its solid angle (van Oosterom and Strackee 1983, eq. 8:
+tan(angle / 2) = |p.(q x r)| / D) over H and over its area. The triple product is H times twice the area, without
+rounding of its own, which leaves the mean finite where the area vanishes.
 """
 
 import math

@@ -1,10 +1,6 @@
 """Buildings: houses with windows and doors, and the grandstand, pits and tower of a racetrack.
 
 Each stands on z = 0 about the origin of a frame of its own; metres.
-
-Buildings at a racetrack: the grandstand, the pits and the control tower.
-
-Each stands on z = 0 about the origin of a frame of its own; metres.
 """
 
 import math

@@ -1,8 +1,4 @@
-"""Objects of parks and streets, and of a racetrack.
-
-Each stands on z = 0 about the origin of a frame of its own; metres.
-
-Objects of a racetrack: gates, gantry, tyre walls, kerbs, boards, flags, floodlights and cones.
+"""Objects of parks and streets, and of a racetrack: gates, gantry, tyre walls, kerbs, boards, floodlights and more.
 
 Each stands on z = 0 about the origin of a frame of its own; metres.
 """
