@@ -1,5 +1,7 @@
 """Sharpness of warped events: votes are Gaussians, and the true flow makes a moving pattern sharpest."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -115,6 +117,19 @@ def test_gain_of_a_drift_is_found(velocity_px: tuple[float, float], too_large: f
     assert found == pytest.approx([1 / too_large] * 2, rel=0.03)
 
 
+def test_the_best_gain_lies_between_the_neighbours_of_the_sharpest() -> None:
+    """However flat the maximum is, to the last digits of the sharpness; at either end it is that gain itself."""
+    flat = 1 - np.arange(4) * 2.0**-53
+    for sharpest in range(1, len(GAINS) - 1):
+        for before, after in product(flat[1:], flat):
+            sharpness = np.full(len(GAINS), 0.1)
+            sharpness[sharpest - 1 : sharpest + 2] = before, 1.0, after
+            gain = best_gain(sharpness)
+            assert GAINS[sharpest - 1] * (1 - 1e-12) <= gain <= GAINS[sharpest + 1] * (1 + 1e-12)
+    assert best_gain(-np.array(GAINS)) == GAINS[0]
+    assert best_gain(np.array(GAINS)) == GAINS[-1]
+
+
 def test_backward_and_exchanged_flow_smear() -> None:
     """The true flow is sharper than none, and none is sharper than the flow turned round or with exchanged axes."""
     x, y, tau = events_of_dots((9.0, 4.0))
@@ -155,6 +170,18 @@ def test_meetings_of_a_pixel_with_itself_are_taken_off() -> None:
     together = warped(x, y, tau, candidates).sharpness
     assert together == pytest.approx([1 / (4 * np.pi)] * 4, rel=0.2)
     assert warped(x + np.arange(12, dtype=np.uint16) % 2, y, tau, candidates).sharpness[0] > 4 / (4 * np.pi)
+
+
+def test_meetings_are_taken_off_whole_over_all_places_between_nodes() -> None:
+    """On average over 11 x 11 pixels, which are 10 nodes wide, events of one pixel add what Gaussians alone would."""
+    tau = np.sort(np.random.default_rng(8).uniform(0.4, 0.6, 12))
+    candidates = [(uniform_flow(6.0, -4.0), gain * UNIT) for gain in (0.0, 0.5, 1.0, 2.0)]
+    found = [
+        warped(np.full(12, x, np.uint16), np.full(12, y, np.uint16), tau, candidates).sharpness
+        for x in range(40, 51)
+        for y in range(25, 36)
+    ]
+    assert np.mean(found, axis=0) == pytest.approx([1 / (4 * np.pi)] * 4, rel=0.01)
 
 
 def test_pixels_that_fire_in_place_move_no_gain() -> None:

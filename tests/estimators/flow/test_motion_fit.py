@@ -65,6 +65,30 @@ def test_motion_of_most_pixels_is_recovered_exactly(share: float) -> None:
     np.testing.assert_allclose(most.residual_px[~moving], 0.0, atol=1e-6)
 
 
+def test_points_that_the_camera_passes_tell_nothing() -> None:
+    """Pixels whose points lie behind the camera afterwards, whatever flow they have, alter neither fit nor evidence."""
+    twist = np.array([0.01, -0.015, 0.02, 0.05, -0.02, 0.03])
+    ahead = sample(MOTION.corrected(twist))
+    passed = FlowSample(
+        np.concatenate((ahead.columns, ahead.columns[:50])),
+        np.concatenate((ahead.rows, ahead.rows[:50])),
+        np.concatenate((ahead.depths_m, np.full(50, 0.1))),
+        np.concatenate((ahead.flow_px, np.full((50, 2), 3.0))),
+        SIGMA_PX,
+    )
+    fits = [fit_motion(K, MOTION, one) for one in (ahead, passed)]
+    evidences = []
+    for fields, fit in zip((ahead, passed), fits, strict=True):
+        assert fit is not None
+        np.testing.assert_allclose(fit.twist, twist, atol=1e-9)
+        templates = templates_for(fields, fit.motion)
+        evidences += [weigh_templates(K, MOTION, fields, templates, fit, SPREAD),
+                      weigh_templates(K, MOTION, fields, templates, None, None)]  # fmt: skip
+    for one, other in (evidences[::2], evidences[1::2]):
+        np.testing.assert_allclose(other.matrix, one.matrix, atol=1e-9 * np.abs(one.matrix).max())
+        assert other.total == pytest.approx(one.total, rel=1e-6)
+
+
 def test_correction_is_chi_square_under_its_noise() -> None:
     """Over 400 draws of the declared noise the statistic has mean 6 and variance 12, the moments of chi-square(6)."""
     rng = np.random.default_rng(2)
@@ -93,6 +117,19 @@ def templates_for(fields: FlowSample, motion: RigidMotion) -> np.ndarray:
         return motion.corrected(seconds * np.array([0.1, 0.3, -0.2, 0.5, 0.4, -0.3]))
 
     return parameter_templates(K, motion, fields, remounted, delayed)
+
+
+def test_a_longer_focal_length_magnifies_about_the_centre() -> None:
+    """Of pixels that are askew, too: the image is as of a camera with the right focal length, enlarged."""
+    skewed = K + np.array([[0.0, 90.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    true = skewed.copy()
+    true[:2, :2] /= 1.002
+    fields = sample(K_made=true)
+    templates = parameter_templates(skewed, MOTION, fields, lambda *_: MOTION, lambda _: None)
+    own = next(fault for fault in PARAMETER_TEMPLATES if fault.parameter == "intrinsics_focal")
+    sizes, share = weigh_templates(skewed, MOTION, fields, templates, None, None).explained_by(own.columns)
+    assert own.size(sizes) == pytest.approx(0.2, rel=0.01)
+    assert share > 0.9999
 
 
 K_LONG, K_RIGHT = K.copy(), K.copy()
@@ -135,6 +172,17 @@ def test_small_fault_is_found_under_pose_noise(cause: str) -> None:
     sizes, share = sum_of(evidences).explained_by(own.columns)
     assert own.size(sizes) == pytest.approx(size, rel=0.02)
     assert share > 0.99
+
+
+def test_what_pose_noise_leaves_is_the_statistic_of_its_twist() -> None:
+    """A field that a noisy pose explains keeps as its squares those of the twist in units of the noise."""
+    twist = np.sqrt(np.diag(SPREAD)) * np.array([1.0, -0.5, 2.0, 0.5, 1.5, -1.0])
+    fields = sample(MOTION.corrected(twist))
+    fit = fit_motion(K, MOTION, fields)
+    assert fit is not None
+    evidence = weigh_templates(K, MOTION, fields, templates_for(fields, fit.motion), fit, SPREAD)
+    assert evidence.total == pytest.approx(twist_statistic(fit, SPREAD)[0], rel=0.01)
+    assert evidence.total == pytest.approx(np.sum(twist**2 / np.diag(SPREAD)), rel=0.01)
 
 
 def test_evidence_states_sizes_and_what_they_leave() -> None:
