@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -37,6 +37,7 @@ class Levels:
 
     model: Literal["log", "linear"] = "linear"
     noise: float = 0.0
+    common_noise: float = 0.0
     grey: bool = False
     late_s: float = 0.0
     seed: int = 0
@@ -51,6 +52,7 @@ class Levels:
         rate = rng.normal(0, 30, SAMPLES)
         events = signal[1] - signal[0] + self.late_s * rate
         stored = 255 * (true[..., order] / 255) ** (1 / gamma) + self.noise * rng.normal(size=true.shape)
+        stored = stored + self.common_noise * rng.normal(size=(2, SAMPLES, 1))
         columns = colour_columns(stored[0], stored[1], self.model, 0.0)
         blocks = np.arange(SAMPLES) * BLOCKS // SAMPLES
         sums = colour_blocks(np.column_stack([columns, rate]), threshold * events, blocks, BLOCKS)
@@ -124,6 +126,25 @@ def test_errors_are_those_of_repetition() -> None:
         assert abs(values.mean() - WEIGHTS[channel]) < 3 * claimed / np.sqrt(40) + bound
 
 
+def test_errors_that_channels_share_bias_weights_by_their_bound() -> None:
+    """Errors of 10 DN in all channels alike draw the weights of green and blue together, by as much as is stated."""
+    fits = [Levels("linear", common_noise=10.0, seed=seed).fit() for seed in range(20)]
+    for channel, sign in ((1, 1), (2, -1)):
+        bias = np.mean([fit.weights[channel].value for fit in fits]) - WEIGHTS[channel]
+        assert sign * bias == pytest.approx(np.mean([fit.weights[channel].bound for fit in fits]), rel=0.25)
+
+
+@given(st.floats(5.0, 250.0), st.floats(-14.0, 2.0), st.sampled_from([-1.0, 1.0]))
+@example(first_dn=100.0, power=-3.0, sign=1.0)
+def test_columns_of_a_log_sensor_add_up_to_its_signal(first_dn: float, power: float, sign: float) -> None:
+    """Their sum by the true weights is the change of the logarithm of luma, however small or large that is."""
+    change = sign * min(10.0**power, 0.9)
+    earlier = np.full((1, 3), first_dn) * [1.1, 1.0, 0.7]
+    columns = colour_columns(earlier, earlier * (1 + change), "log", 0.0)
+    exact = np.log1p((earlier * (1 + change) - earlier) @ WEIGHTS / (earlier @ WEIGHTS))
+    assert columns[:, :3] @ WEIGHTS == pytest.approx(exact, rel=1e-9)
+
+
 def test_blocks_without_samples_are_left_out() -> None:
     """A quarter of the image that shows nothing is no block."""
     columns = np.random.default_rng(0).normal(size=(100, 5))
@@ -188,6 +209,21 @@ def test_no_other_line_tells_the_order_with_less_error() -> None:
         line[first], line[second] = 1.0, -1.0
         line /= line @ (weights_in("".join(order)) - weights_in("RGB"))
         assert towards(fit, "".join(order)).standard_error <= np.sqrt(line @ (100 * NOISE) @ line) * (1 + 1e-3)
+
+
+@pytest.mark.parametrize("order", WRONG_ORDERS)
+def test_errors_of_levels_count_as_much_as_they_are_known_to_be(order: str) -> None:
+    """No other line has less error by noise and by levels, which err by ``LEVEL_BIAS`` in a difference of weights."""
+    right, unit = np.array(LUMA_WEIGHTS_RGB), np.eye(3)
+    line = np.array([towards(fit_of(right + one), order).value for one in unit])  # the value is linear in the weights
+    covariance = NOISE + LEVEL_BIAS**2 / 2 * unit
+    difference = weights_in(order) - right
+    for seed in range(20):
+        other = np.random.default_rng(seed).normal(size=3)
+        other -= other.mean()
+        other = line + 0.3 * (other - (other @ difference) * line)
+        assert other @ difference == pytest.approx(1.0)
+        assert line @ covariance @ line <= (other @ covariance @ other) * (1 + 1e-9)
 
 
 def test_known_biases_bound_the_way() -> None:

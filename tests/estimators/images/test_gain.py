@@ -62,6 +62,16 @@ def test_a_step_of_vignetting_is_told_from_an_even_step(loss: float) -> None:
     assert even.corner_evidence < -np.log(1e3)
 
 
+def test_images_without_a_gain_are_no_evidence_of_vignetting() -> None:
+    """Noise alone makes neither of the two models a thousand times likelier; equal images favour neither at all."""
+    noise = np.random.default_rng(5).normal(0, 2, (90, 120))
+    equal, noisy = (brightness_gain(image(), image() + added) for added in (0.0, noise))
+    assert equal is not None
+    assert noisy is not None
+    assert equal.corner_evidence == 0.0
+    assert abs(noisy.corner_evidence) < np.log(1e3)
+
+
 def test_a_histogram_tells_where_neighbours_of_codes_are_frequent() -> None:
     """Forty codes with fifty values each beside them are enough; the ends, which clipping fills, do not count."""
     counts = np.zeros(256, np.int64)
@@ -115,6 +125,20 @@ def test_a_gain_after_rounding_is_measured(percent: float) -> None:
     assert found is not None
     assert found.gain == pytest.approx(1 + percent / 100, abs=found.half_range + 1e-9)
     assert found.half_range < 0.005
+
+
+@pytest.mark.parametrize("percent", [3.0, 9.0, 25.0, -12.0, -4.321])
+def test_the_range_of_a_gain_holds_gains_of_the_same_codes(percent: float) -> None:
+    """All gains within it leave out, or put together, the same codes."""
+    found = gain_after_rounding(histogram(np.rint(values()) * (1 + percent / 100)))
+    assert found is not None
+
+    def hits(share: float) -> NDArray[np.int64]:
+        reached = np.rint((found.gain + share * found.half_range) * np.arange(30, 190)).astype(np.int64)
+        return np.bincount(reached, minlength=256)[40:180]
+
+    for share in (-0.99, 0.99):
+        np.testing.assert_array_equal(hits(share), hits(0.0))
 
 
 @settings(max_examples=30)

@@ -62,6 +62,20 @@ def test_rounding_error_is_that_of_repetition() -> None:
     assert np.std(ratios) == pytest.approx(np.mean(errors), rel=0.35)
 
 
+def test_standard_error_is_that_of_repetition() -> None:
+    """Noise far above rounding, which nothing declares, scatters the ratio as its residuals tell."""
+    flow_px, rng = pan(1.0, 0.5), np.random.default_rng(7)
+    frames = [frame(share, flow_px) for share in (0.0, 1.0)]
+    ratios, errors = [], []
+    for _ in range(60):
+        noisy = [(each + rng.normal(0, 3.0, each.shape)).astype(np.float32) for each in frames]
+        found = flow_ratio(noisy[0], noisy[1], flow_px)
+        assert found is not None
+        ratios.append(found.ratio)
+        errors.append(found.standard_error)
+    assert np.std(ratios) == pytest.approx(np.mean(errors), rel=0.35)
+
+
 def test_exposure_is_no_motion() -> None:
     """A frame that is 20% brighter lies where it lies."""
     flow_px = pan(1.0, 0.5)

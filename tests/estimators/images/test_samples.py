@@ -36,6 +36,13 @@ def test_steepness() -> None:
     assert steepness(image, 99.0) == pytest.approx(expected, rel=0.05)
 
 
+def test_steepness_of_a_ramp() -> None:
+    """An even image has no slope, however bright, and a ramp of 3 by 4 DN a pixel one of 5, borders aside."""
+    assert steepness(np.full((90, 120), 250, np.float32), 100.0) < 1e-4
+    ramp = np.add.outer(4 * np.arange(90.0), 3 * np.arange(120.0)).astype(np.float32)
+    assert steepness(ramp, 50.0) == pytest.approx(5.0, rel=1e-5)
+
+
 def test_points_along_the_flow() -> None:
     """Both frames where a flow leads, averaged over 3 x 3, as blurring and remapping them whole gives them."""
     before, after = texture(), texture()

@@ -99,6 +99,14 @@ def test_bound_is_the_change_by_the_logarithms_of_noisy_sums() -> None:
     assert 0.9 * bound < fit_of(wrong).a - fit_of(cells).a <= bound
 
 
+def test_bound_counts_the_scatter_of_the_cells() -> None:
+    """Noise of 3% of all cells, which no rounding explains, is in the sums as well."""
+    cells = cells_of(0.2, 0.1, 4, sigma=0.03)
+    inward = np.sign(cells.inward - cells.inward.mean())
+    wrong = replace(cells, log_ratios=cells.log_ratios + inward * 0.03**2 / 2)
+    assert fit_of(wrong).a - fit_of(cells).a == pytest.approx(fit_of(cells).model_error_bound, rel=0.2)
+
+
 def test_too_few_cells_or_no_motion_give_nothing() -> None:
     """Cells that all move alike determine the constant of the pair alone."""
     assert pair_equations(cells_of(0.1, 0.0, 1, count=FEWEST_CELLS - 1)) is None
