@@ -97,6 +97,32 @@ def test_forces_tell_how_the_file_must_be_read(plant: Plant, expected: InertialC
     assert is_like(explain_forces(samples, GRAVITY_M_S2, sigma_m), expected)
 
 
+@pytest.mark.parametrize("case", ["clean", "degrees", "swapped", "right-down"])
+def test_orientations_that_err_by_degrees_are_compared_over_longer_spans(case: str) -> None:
+    """Noise of three degrees, which hides the motion between neighbouring poses, hides no reading."""
+    noise = replace(NOISY, rotation_sigma_rad=0.05)
+    plant, expected = RATE_CASES[case]
+    assert is_like(explain_rates(plant(sample_motion(noise=noise)), 0.05), expected)
+
+
+def test_noise_alone_leaves_a_residual_of_one() -> None:
+    """Over many draws, with the right reading; the declared one, where it is another, leaves far more."""
+    swap = FORCE_CASES["swapped world"][0]
+    rate_residuals, force_residuals = [], []
+    for seed in range(20):
+        samples = sample_motion(noise=NOISY, seed=seed)
+        by_rates = explain_rates(samples, NOISY.rotation_sigma_rad)
+        by_forces = explain_forces(swap(samples), GRAVITY_M_S2, NOISY.position_sigma_m)
+        assert by_rates is not None
+        assert by_forces is not None
+        assert by_rates.residual == by_rates.declared_residual
+        assert by_forces.declared_residual > 25 * by_forces.residual
+        rate_residuals.append(by_rates.residual)
+        force_residuals.append(by_forces.residual)
+    assert np.mean(rate_residuals) == pytest.approx(1.0, abs=0.25)
+    assert np.mean(force_residuals) == pytest.approx(1.0, abs=0.25)
+
+
 @pytest.mark.parametrize("case", ["clean", "swapped sensor", "right-down", "no gravity", "gravity up"])
 def test_a_quarter_of_a_second_of_exact_poses_tells_the_reading(case: str) -> None:
     """Exact poses need no long spans: a part of a short file is enough."""

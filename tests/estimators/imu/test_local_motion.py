@@ -199,6 +199,18 @@ def test_even_clocks_are_weighed_alike_step_by_step_and_all_at_once(
     np.testing.assert_allclose(differences, divided_differences(nearly_ns, curve(of_curve), 8), atol=1e-14)
 
 
+@pytest.mark.parametrize("times_ns", [TIMES_NS, uneven_ns(601)], ids=["even", "uneven"])
+@pytest.mark.parametrize("order", [2, 8, 10])
+def test_differences_do_not_depend_on_the_direction_of_time(times_ns: NDArray[np.int64], order: int) -> None:
+    """A turning body, whose orientations err, has the same differences of even order backward."""
+    shaken = RESTLESS.orientations(times_ns * 1e-9) * Rotation.from_rotvec(
+        0.01 * np.random.default_rng(5).standard_normal((601, 3))
+    )
+    forward = divided_differences(times_ns, OrientationSamples(shaken.as_quat()), order)
+    backward = divided_differences(times_ns[-1] - times_ns[::-1], OrientationSamples(shaken.as_quat()[::-1]), order)
+    np.testing.assert_allclose(backward[::-1], forward, atol=1e-12)
+
+
 @given(st.lists(st.integers(0, 9), min_size=32, max_size=200))
 def test_evenness_is_that_of_two_medians(sizes: list[int]) -> None:
     """Of any bends, equal ones too, the least even stride is the one that medians of both parts give."""
@@ -246,6 +258,7 @@ def test_too_few_samples_say_nothing(count: int) -> None:
     assert noise_level(TIMES_NS[:count], curve, order=8) is None
     assert len(find_steps(TIMES_NS[:count], curve, half_width=6, degree=5, sigma=1.0).before) == 0
     assert find_interpolation(TIMES_NS[:count], curve, resolution=0.0) is None
+    assert [len(found) for found in lone_samples(TIMES_NS[:count], curve)] == [0, 0]
     assert repeated_samples(curve.values, roundings=(1e-16,)).tolist() == []
 
 

@@ -6,7 +6,7 @@ import pytest
 from fedora_qa.estimators.imu.preintegration import rotation_rows
 from fedora_qa.estimators.imu.specific_force import translation_rows
 from fedora_qa.estimators.imu.summary import PartialBias, bias_drift, partial_bias
-from tests.support.motion_world import EXACT, sample_motion
+from tests.support.motion_world import EXACT, NOISY, sample_motion
 
 BIAS = np.array([0.02, -0.05, 0.03])
 
@@ -46,6 +46,17 @@ def test_a_bias_of_the_whole_sequence_is_none_of_a_part() -> None:
     """Nor is one of nearly all of it, nor is there a part without any rows of a bias."""
     assert bias_of(0.0, 3.0) is None
     assert bias_of(0.0, 1.95) is None
+
+
+def test_in_noise_a_bias_explains_what_lies_beyond_noise() -> None:
+    """A large bias explains all of a little beyond noise, is sized, and its ends are known to a few poses."""
+    samples = sample_motion(noise=NOISY)
+    samples.angular_velocities_body_rad_s[800:1400] += 16 * BIAS
+    part = partial_bias([rotation_rows(samples, NOISY)], centre=0.5)
+    assert part is not None
+    assert part.explained > 0.95
+    assert part.bias == pytest.approx(tuple(16 * BIAS), abs=0.05)
+    assert (part.start_s, part.stop_s) == pytest.approx((0.8, 1.4), abs=0.05)
 
 
 def test_a_bias_that_drifts_is_known_at_both_ends() -> None:

@@ -80,7 +80,10 @@ def test_covariance_of_position_noise_is_that_of_second_differences() -> None:
 
 
 def test_an_interval_counts_both_steps_beside_its_pose() -> None:
-    """Noise of the accelerometer adds a third of the base of the triangle, where a pose is missing, too."""
+    """Noise of the accelerometer adds a third of the base of the triangle, where a pose is missing, too.
+
+    Two triangles, one of which falls while the other rises, share a sixth of the step between them.
+    """
     noise = InertialNoise(accel_density=0.05, gravity_m_s2=GRAVITY_M_S2)
     samples = sample_motion(duration_s=0.5)
     kept = np.delete(np.arange(len(samples.pose_times_s)), 40)
@@ -89,6 +92,17 @@ def test_an_interval_counts_both_steps_beside_its_pose() -> None:
     base_s = 2 * rows.spans_s
     assert np.ptp(base_s) == pytest.approx(0.005)
     np.testing.assert_allclose(rows.covariance_bands[0, 2], 0.05**2 * base_s / 3, rtol=0.03)
+    shared_s = np.diff(samples.pose_times_s[kept])[rows.poses[:-1]]
+    np.testing.assert_allclose(rows.covariance_bands[0, 1, 1:], 0.05**2 * shared_s / 6, rtol=0.05)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_second_differences_need_three_poses(count: int) -> None:
+    """Fewer poses are no row, and no error."""
+    samples = sample_motion(duration_s=0.1)
+    few = {name: getattr(samples, name)[5 : 5 + count]
+           for name in ("pose_times_s", "positions_world_m", "orientations_xyzw")}  # fmt: skip
+    assert len(translation_rows(replace(samples, **few), EXACT)) == max(count - 2, 0)
 
 
 def test_coarse_samples_err_as_stated() -> None:
