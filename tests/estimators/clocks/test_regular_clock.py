@@ -151,6 +151,13 @@ def test_whole_microseconds_are_no_grid(period_us: float) -> None:
     assert rounding_grid_ns(timestamps_ns(period_us), resolution_ns=US) == 0
 
 
+@pytest.mark.parametrize("start_s", [0, 1_750_000_000], ids=["0", "1970"])
+def test_a_grid_of_nanoseconds_is_found_whenever_time_began(start_s: int) -> None:
+    """A float holds no nanoseconds since 1970: it is exact for times from the first one on only."""
+    times_ns = 10**9 * start_s + np.rint(5e6 / 3 * np.arange(400)).astype(np.int64)
+    assert rounding_grid_ns(times_ns // 50 * 50, resolution_ns=1) == 50
+
+
 def test_part_of_a_stream() -> None:
     """A clock that is rounded from the middle on shows there."""
     times_ns = timestamps_ns(5000.0)

@@ -106,6 +106,22 @@ def test_one_plane_leaves_no_more_than_rounding() -> None:
         assert fit.typical < np.nanmedian(bounds)
 
 
+@pytest.mark.parametrize("start", [0.7, 0.9])
+def test_steps_that_do_not_end_give_the_best_value_of_all(start: float) -> None:
+    """Where the derivative vanishes at the solution, each step halves the distance from it: the last one is best."""
+    tried: list[float] = []
+
+    def family(value: float) -> DepthModel:
+        tried.append(value)
+        return DepthModel(K, MOTION, scale=1.0 + value**2)
+
+    lattice, image1 = frames()
+    fit = fit_depth(family, lattice, image1, EXACT, start=start, step=1e-7)
+    assert fit is not None
+    typical = [np.nanmedian(np.abs(residuals_after(family(value), lattice, image1))) for value in list(tried)]
+    assert fit.typical == pytest.approx(min(typical), rel=0.1)
+
+
 def test_wrong_motion_is_corrected_within_its_noise() -> None:
     """The twist by which the motion was spoilt is found, and is as many sigmas long as it was planted."""
     sigmas = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])

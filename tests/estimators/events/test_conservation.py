@@ -90,6 +90,23 @@ def test_ideal_linear_events_keep_the_law(seed: int) -> None:
     assert not runs(*ideal_linear(np.random.default_rng(seed))).broken.any()
 
 
+@given(seeds)
+@settings(max_examples=50, deadline=None)
+def test_runs_that_begin_at_the_reference_keep_the_law_of_the_start(seed: int) -> None:
+    """Before its first event no value strays from the first one by a threshold, whatever the error of a value."""
+    values, counts = ideal_linear(np.random.default_rng(seed))
+    assert np.all(runs(values, counts).departure(STEP_ON, STEP_OFF) <= 0)
+    assert np.all(runs(values, counts, 0.5).departure(STEP_ON, STEP_OFF) <= 0)
+
+
+@pytest.mark.parametrize(("change", "departure"), [(9.0, 3.0), (4.0, -2.0), (-9.0, 1.0), (-4.0, -4.0)])
+def test_a_run_departs_by_what_lies_beyond_a_threshold(change: float, departure: float) -> None:
+    """The value of a pixel without events changes; errors of 0.25 of its first and its last value may explain 0.5."""
+    values, counts = np.array([50.0, 50.0, 50.0 + change])[:, np.newaxis, np.newaxis], np.zeros((2, 2, 1, 1), np.int32)
+    assert runs(values, counts).departure(STEP_ON, STEP_OFF).item() == pytest.approx(departure)
+    assert runs(values, counts, 0.25).departure(STEP_ON, STEP_OFF).item() == pytest.approx(departure - 0.5)
+
+
 @given(seeds, st.lists(st.integers(1, 28), max_size=5, unique=True), st.booleans())
 @settings(max_examples=50, deadline=None)
 def test_stretches_join_exactly(seed: int, cuts: list[int], from_the_right: bool) -> None:

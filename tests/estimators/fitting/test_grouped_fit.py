@@ -292,3 +292,10 @@ def test_segments_that_agree_have_the_error_of_their_rows(noise: float) -> None:
     assert fit.fitted()["offset"].standard_error == pytest.approx(max(1.0, fit.misfit) / np.sqrt(1200), rel=1e-6)
     local = fit.local("offset")
     np.testing.assert_allclose(local.standard_errors, max(1.0, fit.misfit) / np.sqrt(150), rtol=1e-6)
+
+
+def test_few_segments_that_scatter_by_chance_are_seldom_taken_to_differ() -> None:
+    """Means of four segments scatter as their 150 rows say: the error of their mean is widened once in a hundred."""
+    means = np.random.default_rng(7).normal(0, 150**-0.5, (2000, 4))
+    errors = [with_means(row, 0.9).fitted()["offset"].standard_error for row in means]
+    assert 0.004 < np.mean(np.array(errors) > 1.01 / np.sqrt(600)) < 0.02

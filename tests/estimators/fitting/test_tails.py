@@ -120,6 +120,15 @@ def test_groups_that_share_nothing_are_seldom_widened() -> None:
     assert 0.01 < widened.mean() < 0.06
 
 
+@pytest.mark.parametrize(("parts", "groups"), [(40, 2), (40, 6), (3, 2)])
+def test_errors_of_one_size_differ_by_chance_as_often_as_stated(parts: int, groups: int) -> None:
+    """Errors from so many parts and, independent of them, from so few groups."""
+    rng = np.random.default_rng(2)
+    by_part, by_group = (np.sqrt(rng.chisquare(count - 1, 40_000) / (count - 1)) for count in (parts, groups))
+    widened = shared_errors(by_part, parts, by_group, groups) > 1.01 * np.maximum(by_part, by_group)
+    assert widened.mean() == pytest.approx(tails.BEYOND_CHANCE, rel=0.1)
+
+
 def test_shared_errors_are_those_of_the_groups() -> None:
     """Ten parts with one error among them count as one."""
     found = shared_errors(np.array([1.0]), 60, np.array([3.0]), 6)
