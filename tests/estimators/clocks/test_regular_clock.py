@@ -59,10 +59,13 @@ def timestamps_us(count: int = 400) -> NDArray[np.int64]:
     return PERIOD_US * np.arange(count, dtype=np.int64)
 
 
-@given(st.integers(-2400, 2400).filter(lambda us: abs(us) > 3), st.integers(1, 180), st.integers(20, 180))
-def test_a_late_part_is_found_with_its_rows_and_size(late_us: int, first: int, count: int) -> None:
-    """Any offset of more than rounding and less than half a period, anywhere."""
-    times_us = timestamps_us()
+@given(
+    st.integers(-2400, 2400).filter(lambda us: abs(us) > 3), st.integers(1, 180), st.integers(20, 180),
+    st.integers(-(10**15), 10**15),
+)  # fmt: skip
+def test_a_late_part_is_found_with_its_rows_and_size(late_us: int, first: int, count: int, start_us: int) -> None:
+    """Any offset of more than rounding and less than half a period, anywhere, whatever the origin of the clock."""
+    times_us = start_us + timestamps_us()
     times_us[first : first + count] += late_us
     found = displaced_part(times_us * US, resolution_ns=US)
     assert found is not None

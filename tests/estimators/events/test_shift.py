@@ -132,6 +132,17 @@ def test_the_scatter_of_many_parts_is_their_error(parts: int, is_widened: bool) 
     np.testing.assert_allclose(found.errors_px, np.tile(due, (parts, 1)), rtol=0.1)
 
 
+def test_parts_that_agree_are_not_shifted() -> None:
+    """Nor is a part without a peak of its own, which comes first here."""
+    alike = gaussian_lattices(1.0, -1.0, 3.0)
+    sums = ShiftSums(np.array([0 * alike, *[alike] * 5]), np.ones((6, 2)), np.ones((6, 3, 2)))
+    found = most_shifted(sums, 1, THRESHOLD, CLEAR)
+    assert found is not None
+    assert (found.shift_px, found.compared) == (0.0, 5)
+    assert found.part > 0
+    assert np.isfinite(found.standard_error_px)
+
+
 def test_parts_of_another_scene_have_no_shift() -> None:
     """Events of unrelated texture correlate too little for a peak of their own."""
     unrelated = tile_sums(scene(), inner(scene(seed=1)), np.ones(SHAPE, np.bool_))

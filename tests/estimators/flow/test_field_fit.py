@@ -7,11 +7,17 @@ from hypothesis import strategies as st
 
 from fedora_qa.estimators.fitting.tails import student_factor
 from fedora_qa.estimators.flow.field_fit import (
+    CENTRE,
+    FOCAL,
     GAIN,
+    GEOMETRIC,
     LOCKING,
     MEAN,
+    MOUNTING,
     OF_THE_FLOW,
+    ROLL,
     SHIFT,
+    TIME,
     fit_field,
     gain_of_true,
     lock_in,
@@ -56,6 +62,19 @@ def test_spread_tells_what_the_covariance_does_not_know(factor: float) -> None:
     spreads = [fit_field(factor * noise(seed), COVARIANCES, TEMPLATES).spread for seed in range(20)]
     weighted_down = 0.5 * factor if factor > 2 else 0.93 * factor
     assert weighted_down < np.sqrt(np.mean(spreads)) < 1.05 * factor
+
+
+def test_each_template_has_one_name() -> None:
+    """Names follow each other without a gap, those of the flow and those of geometry within their groups."""
+    columns = range(TEMPLATES.shape[-1])
+    groups = [
+        (OF_THE_FLOW, (MEAN, GAIN, SHIFT)),
+        (LOCKING, (LOCKING,)),
+        (GEOMETRIC, (FOCAL, CENTRE, MOUNTING, TIME, ROLL)),
+    ]
+    for group, names in groups:
+        assert [column for name in names for column in columns[name]] == list(columns[group])
+    assert [column for group, _ in groups for column in columns[group]] == list(columns)
 
 
 @pytest.mark.parametrize(

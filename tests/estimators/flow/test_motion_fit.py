@@ -104,14 +104,17 @@ def test_correction_is_chi_square_under_its_noise() -> None:
     assert np.var(statistics) == pytest.approx(12.0, rel=0.4)
 
 
+def mounted(rotation_rad: np.ndarray, shift_m: np.ndarray) -> RigidMotion:
+    """The motion of points if the true camera is turned and moved back, along the axes of the body."""
+    turned = Rotation.from_rotvec(-rotation_rad).as_matrix()
+    return RigidMotion(turned.T @ MOTION.R @ turned, turned.T @ (MOTION.R @ -shift_m + MOTION.t_m + shift_m))
+
+
 def templates_for(fields: FlowSample, motion: RigidMotion) -> np.ndarray:
     """Templates of a camera at the body's origin, with the body's axes, while the body moves steadily."""
 
     def remounted(rotation_rad: np.ndarray, shift_m: np.ndarray) -> RigidMotion:
-        turned = Rotation.from_rotvec(-rotation_rad).as_matrix()
-        return RigidMotion(
-            turned.T @ MOTION.R @ turned, turned.T @ (MOTION.R @ -shift_m + MOTION.t_m + shift_m)
-        ).corrected(motion.twist_from(MOTION))
+        return mounted(rotation_rad, shift_m).corrected(motion.twist_from(MOTION))
 
     def delayed(seconds: float) -> RigidMotion:
         return motion.corrected(seconds * np.array([0.1, 0.3, -0.2, 0.5, 0.4, -0.3]))
@@ -139,6 +142,12 @@ FAULTS = {
     "gain": (sample(gain=1.002), "flow_gain", 0.2),
     "focal": (sample(K_made=K_LONG), "intrinsics_focal", 0.2),
     "centre": (sample(K_made=K_RIGHT), "intrinsics_centre", 0.3),
+    **{
+        f"turned about {axis}": (sample(mounted(np.radians(0.1) * turn, np.zeros(3))), "extrinsic_rotation", 0.1)
+        for axis, turn in zip("xyz", np.eye(3), strict=True)
+    },
+    # Across the axis of the rotation: a shift along it shows nowhere.
+    "moved": (sample(mounted(np.zeros(3), 0.02 * np.array([3.0, 2.0, 0.0]) / np.sqrt(13))), "lever_arm", 0.02),
     "late": (sample(MOTION.corrected(0.001 * np.array([0.1, 0.3, -0.2, 0.5, 0.4, -0.3]))), "time_offset", 1.0),
 }
 
@@ -152,6 +161,13 @@ def test_small_fault_is_explained_by_its_own_template(fields: FlowSample, cause:
     assert explained[cause][1] > 0.9999
     assert own.size(explained[cause][0]) == pytest.approx(size, rel=0.01)
     assert max(share for other, (_, share) in explained.items() if other != cause) < explained[cause][1]
+
+
+def test_each_template_belongs_to_one_parameter() -> None:
+    """Their columns follow each other without a gap, and there are no others."""
+    count = templates_for(sample(), MOTION).shape[-1]
+    columns = [column for fault in PARAMETER_TEMPLATES for column in range(*fault.columns.indices(count))]
+    assert columns == list(range(count))
 
 
 @pytest.mark.parametrize("cause", ["gain", "focal", "centre"])

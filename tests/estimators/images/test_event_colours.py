@@ -180,6 +180,17 @@ def test_the_way_runs_from_nothing_to_one(order: str) -> None:
     assert nearest_order(fit_of(weights_in(order))) == order
 
 
+@pytest.mark.parametrize("order", list(permutations(range(3))), ids=str)
+def test_the_order_of_noisy_frames_is_told(order: tuple[int, ...]) -> None:
+    """Whichever it is, with the errors that the fit itself states; the way to it ends at 1, within error and bound."""
+    fit, stored = Levels("linear", noise=3.0).fit(order), "".join("RGB"[channel] for channel in order)
+    assert nearest_order(fit) == stored
+    if stored != "RGB":
+        way = towards(fit, stored)
+        assert abs(way.value - 1.0) < 3 * way.standard_error + way.bound
+        assert way.standard_error + way.bound < 0.3
+
+
 @given(st.floats(0.8, 2.5))
 def test_weights_that_are_stretched_are_on_no_way(stretch: float) -> None:
     """Errors that stretch the differences of the weights never lead towards another order."""

@@ -48,6 +48,21 @@ def test_a_world_without_a_vertical_is_set_upright(noise: InertialNoise, duratio
         np.testing.assert_allclose(again.positions_world_m, left.apply(level.positions_world_m), atol=1e-9)
 
 
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+@pytest.mark.parametrize("stream", ["imu", "pose"])
+def test_too_few_samples_set_no_world_upright(stream: str, count: int) -> None:
+    """Of either stream three or fewer are no cubic curve: the world stays as it is."""
+    samples = sample_motion(duration_s=1.0)
+    times_s = samples.imu_times_s if stream == "imu" else samples.pose_times_s
+    few = samples.between(0.5, times_s[np.searchsorted(times_s, 0.5) + count] - 1e-9)
+    imu = {name: getattr(few, name) for name in
+           ("imu_times_s", "angular_velocities_body_rad_s", "specific_forces_body_m_s2")}  # fmt: skip
+    pose = {name: getattr(few, name) for name in ("pose_times_s", "positions_world_m", "orientations_xyzw")}
+    few = replace(samples, **(imu if stream == "imu" else pose))
+    assert len(getattr(few, f"{stream}_times_s")) == count
+    assert upright(few) is few
+
+
 def test_another_gravity_shows_as_that_times_the_time() -> None:
     """Declared gravity that is too small by 0.1 leaves -0.1 m/s^2 times the span of each row along Z."""
     declared = InertialNoise(gravity_m_s2=GRAVITY_M_S2 - 0.1)
