@@ -17,13 +17,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.causes import allowed
+from fedora_qa.causes import INDEX_MAPS, TIMED, allowed
 from tests.benchmarks.foreign.scenes import Size
 from tests.benchmarks.foreign_faults import study
 from tests.benchmarks.foreign_faults.displacement import KEYS, recomputed
-from tests.benchmarks.foreign_faults.kind import ALL_SCENES, EXACT_SCENES, SHARES, Plan, Range
+from tests.benchmarks.foreign_faults.kind import ALL_SCENES, EXACT_SCENES, LAST_ROUND, SHARES, Plan, Range
 from tests.benchmarks.foreign_faults.outcome import Named, Outcome, diagnose_planted, outcome_of, plant, state_path
 from tests.benchmarks.foreign_faults.page import page
+from tests.benchmarks.foreign_faults.second_round.kinds import SECOND_ROUND
 from tests.benchmarks.foreign_faults.sources import SPAN_S, Source
 from tests.benchmarks.foreign_faults.table import KINDS
 from tests.support.contents import Contents, contents_of
@@ -74,13 +75,15 @@ def test_there_are_enough_kinds() -> None:
     assert sum(not kind.truth for kind in KINDS) >= 10
 
 
-def test_a_third_is_held_out() -> None:
-    """By the name alone: neither the place in the table nor what else a kind has moves it."""
-    assert 0.3 <= sum(kind.held_out for kind in KINDS) / len(KINDS) <= 0.4
-    some = BY_NAME["BGR"]
-    renamed = {type(some)(f"kind {number}", some.plant, (), ("a:b",), "").held_out for number in range(20)}
-    assert renamed == {False, True}
-    assert [type(some)(kind.name, some.plant, (), (), "").held_out for kind in KINDS] == [k.held_out for k in KINDS]
+def test_the_last_round_is_held_out() -> None:
+    """All of it and nothing else; it has enough kinds of its own, of every stream."""
+    assert {kind.round for kind in KINDS} == {1, LAST_ROUND}
+    assert [kind for kind in KINDS if kind.held_out] == list(SECOND_ROUND)
+    assert sum(bool(kind.truth) and not kind.composite for kind in SECOND_ROUND) >= 48
+    assert sum(kind.composite for kind in SECOND_ROUND) >= 4
+    assert sum(kind.local for kind in SECOND_ROUND) >= 12
+    assert sum(not kind.truth for kind in SECOND_ROUND) >= 10
+    assert {truth.split(":")[0] for kind in SECOND_ROUND for truth in kind.truth} >= {*TIMED, *INDEX_MAPS, "metadata"}
 
 
 @pytest.mark.parametrize("name", BY_NAME)
@@ -102,7 +105,7 @@ def test_no_planter_knows_other_faults() -> None:
     """Neither the generator's faults, nor those of the canary, nor the corpus are imported."""
     forbidden = ("fedora_generator.faults", "fedora_generator.corpus", "fedora_qa.faults", "fedora_qa.diagnosis")
     imported: set[str] = set()
-    for path in (path for folder in FOLDERS for path in folder.glob("*.py")):
+    for path in (path for folder in FOLDERS for path in folder.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 imported |= {alias.name for alias in node.names}
@@ -172,7 +175,10 @@ def lies_under(path: str, roots: tuple[str, ...]) -> bool:
 def test_a_planter_alters_what_it_says_and_nothing_else(
     name: str, pair_of: Callable[[str], tuple[Contents, Contents, Plan]]
 ) -> None:
-    """All other values, types and attributes stay, to the bit; nothing comes or goes; what it says differs."""
+    """All other values, types and attributes stay, to the bit; nothing comes or goes; what it says differs.
+
+    The type of what it alters is another one only where this is the fault.
+    """
     kind = BY_NAME[name]
     old, new, _ = pair_of(name)
     assert set(old) == set(new)
@@ -185,8 +191,9 @@ def test_a_planter_alters_what_it_says_and_nothing_else(
         if not root.endswith("_to_event"):
             assert any(not np.array_equal(new[path], old[path], equal_nan=is_float(old[path])) for path in inside), root
     assert any(not np.array_equal(new[path], old[path], equal_nan=is_float(old[path])) for path in old)
-    for path in [path for path in old if "@" not in path]:
-        assert new[path].dtype == old[path].dtype, path
+    retyped = [path for path in old if "@" not in path and new[path].dtype != old[path].dtype]
+    assert bool(retyped) == (":wrong_dtype" in "".join(kind.truth))
+    assert all(lies_under(path, kind.alters) for path in retyped)
 
 
 def is_float(values: Any) -> bool:

@@ -18,9 +18,9 @@ HEAD: Final = """\
 
 Written by `make study-named-foreign`, {date}: {files} files with {kinds} kinds of faults, over {scenes},
 {width}x{height} pixels, {duration:g} s, {seeds} sequence(s) of a scene. `tests/benchmarks/foreign_faults` shares no
-code, place or size with the faults that the generator plants. Sizes are log-uniform within the range of their kind. A
-third of the kinds, by a hash of their names, is held out: nobody looks at their outcomes while the diagnosis is
-built.
+code, place or size with the faults that the generator plants. Sizes are log-uniform within the range of their kind. All
+kinds of the last round, the second, are held out: nobody looks at their outcomes while the diagnosis is built. A third
+of the first round was held out until 2026-11-27, and has been looked at since.
 
 - *Found*: at least one check failed.
 - *Named first*: the first diagnosis has the right cause and stream. The share is of the files that were found.

@@ -2,7 +2,7 @@
 
 How often is a fault found, and does the first diagnosis name it? What was said of a file is kept in out/foreign-faults,
 so that an interrupted study goes on where it was; ``--fresh`` forgets it, as it must be after a change to checks or
-diagnosis. Without ``--held-out`` the held-out third is neither planted nor shown.
+diagnosis. Without ``--held-out`` the last round of kinds, which is held out, is neither planted nor shown.
 """
 
 import shutil

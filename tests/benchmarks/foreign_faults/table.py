@@ -29,6 +29,7 @@ from tests.benchmarks.foreign_faults.paths import (
 )
 from tests.benchmarks.foreign_faults.pipelines import PIPELINES
 from tests.benchmarks.foreign_faults.poses import ORIENTATION, POSITION
+from tests.benchmarks.foreign_faults.second_round.kinds import SECOND_ROUND
 
 _CLOCKS: Final = (
     Kind("colour stamped when received", clocks.delayed("rgb"), ("path/rgb_ts", *MAPS), ("rgb:time_offset",),
@@ -442,4 +443,5 @@ KINDS: Final = (
     *(*_CLOCKS, *_INDEX_MAPS, *_EVENTS, *_COLOUR, *_DEPTH, *_FLOW, *_IMU, *_POSE, *_CAMERAS, *_COMPOSITES),
     *PIPELINES,
     *MAKERS,
+    *SECOND_ROUND,
 )
