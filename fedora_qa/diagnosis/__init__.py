@@ -4,6 +4,7 @@ In order of reading: ``hypothesis`` is what a module proposes for the alarms of 
 ``support.toml``. Modules are named after subjects; ``clocks`` has those of index maps as well, ``flow`` those of all
 flow but ``flow_geometry``, and ``event_conservation`` those of ``event_response.conservation``. ``candidates`` gathers
 hypotheses by cause, ``diagnose`` chooses the fewest causes, and ``vetoes`` and ``direct`` state what contradicts or
-measures a cause. ``proposed_faults`` makes faults of causes, with sizes from the hypotheses and from
-``measured_sizes``; ``conclusion`` states how a cause is known after they were undone.
+measures a cause. ``declared_cameras`` states which declared numbers of cameras were chosen. ``proposed_faults`` makes
+faults of causes, with sizes from the hypotheses and from ``measured_sizes``; ``conclusion`` states how a cause is known
+after they were undone.
 """

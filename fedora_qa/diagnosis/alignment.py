@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, EventEdges
+from fedora_qa.diagnosis.declared_cameras import hypotheses_of_mountings
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.measured_sizes import hypotheses_of_conventions
 from fedora_qa.judgement.judge import Alarm
@@ -36,6 +37,7 @@ def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         return Hypothesis("mirrored", "depth", depth), Hypothesis("mirrored", "rgb", rgb)
     return (
         *hypotheses_of_conventions(facts),
+        *hypotheses_of_mountings(facts, ("events", "rgb")),
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
         # An offset or an exchange of frames moves edges along the motion of the image.
         Hypothesis("time_offset", "rgb", support("alignment.frame_time_offset")),
@@ -49,6 +51,7 @@ def propose_events(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for ``alignment.events``: a shifted camera, or a late stream."""
     return (
         *hypotheses_of_conventions(facts),
+        *hypotheses_of_mountings(facts, ("events", "rgb")),
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
         # Offsets and rate errors of clocks shift events along the motion of the image.
         Hypothesis("time_offset", "events", support("alignment.event_time_offset")),

@@ -3,6 +3,7 @@
 Hypotheses for events that violate the law of conservation stand in ``event_conservation``.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import hypot
 from typing import Final
@@ -10,15 +11,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_response.alignment import ShiftAxis
+from fedora_qa.checks.event_response.alignment import CameraErrorFits, ShiftAxis
 from fedora_qa.checks.event_response.frames import ChangeAnomalies
 from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
-from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
+from fedora_qa.diagnosis.declared_cameras import hypotheses_of_mountings
+from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support, weakened
 from fedora_qa.diagnosis.measured_sizes import hypotheses_of_conventions, rgb_px_per_event_px
 from fedora_qa.diagnosis.vetoes import places_of_clocks
+from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, FieldFit, FieldModel
+from fedora_qa.faults.fault import signed_length
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset, clock_reset
@@ -271,27 +275,45 @@ def propose_interpolation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for an alarm of ``event_response.alignment``, best supported first."""
-    statistic = alarm.statistic
+    statistic, rule = alarm.statistic, alarm.finding.code.rpartition(".")[2]
+    fits = {fit.model: fit for each in statistic.features if isinstance(each, CameraErrorFits) for fit in each.fits}
+    cameras = _errors_of_cameras(fits)
+    # What follows an error of a camera is left to other causes by the rest alone.
+    rest = 1.0 - max((hypothesis.support for hypothesis in cameras), default=0.0)
+    # Clocks and the sensor shift events along the motion of the image, whatever its field.
+    others = weakened(
+        (
+            Hypothesis("time_offset", "events", _of_alignment("events_time_offset")),
+            Hypothesis("time_offset", "rgb", _of_alignment("frames_time_offset")),
+            Hypothesis("clock_rate", "events", _of_alignment("clock_rate")),
+            Hypothesis("event_model_misdeclared", "events", _of_alignment("event_model")),
+        ),
+        rest,
+    )
+    if rule in ("scale", "roll"):
+        return (*cameras, *others)
     (axis,) = (feature.axis for feature in statistic.features if isinstance(feature, ShiftAxis))
     # The size of a spatial offset is its component along the columns; a shift down only has no size.
     right_px = statistic.value if axis == "right" else None
     error_px = statistic.standard_error
     # The image of frames moves the other way, in pixels of its own.
     frames_px = None if right_px is None else -right_px * rgb_px_per_event_px(facts)
-    if alarm.finding.code == "event_response.alignment.shift":
+    if rule == "shift":
+        # Tiles that are shifted by as much as all others are those of an image that was moved.
+        of_shift = fits["shift"].explained if "shift" in fits else 1.0
+        centre = Hypothesis("intrinsics_centre", "metadata", of_shift * _of_alignment("intrinsics_centre"))
         return (
-            Hypothesis("spatial_offset", "events", _of_alignment("events_offset"), right_px, "px",
+            *cameras,
+            Hypothesis("spatial_offset", "events", of_shift * _of_alignment("events_offset"), right_px, "px",
                        None if right_px is None else error_px),
-            Hypothesis("spatial_offset", "rgb", _of_alignment("frames_offset"), frames_px, "px"),
-            Hypothesis("time_offset", "events", _of_alignment("events_time_offset")),
-            Hypothesis("time_offset", "rgb", _of_alignment("frames_time_offset")),
-            Hypothesis("clock_rate", "events", _of_alignment("clock_rate")),
-            Hypothesis("event_model_misdeclared", "events", _of_alignment("event_model")),
-            *(hypotheses_of_conventions(facts)
-              or (Hypothesis("intrinsics_centre", "metadata", _of_alignment("intrinsics_centre")),)),
+            Hypothesis("spatial_offset", "rgb", of_shift * _of_alignment("frames_offset"), frames_px, "px"),
+            *others,
+            *(hypotheses_of_conventions(facts) or (centre,)),
+            *hypotheses_of_mountings(facts, ("events", "rgb")),
         )  # fmt: skip
     of_frames: tuple[Hypothesis, ...] = ()
-    if alarm.finding.code == "event_response.alignment.stretch":
+    if rule == "stretch":
+        cameras, rest = (), 1.0
         # A deviation of a region is due to events; one of a segment of time may be due to frames.
         of_frames = (
             Hypothesis("spatial_offset", "rgb", _of_alignment("part_frames_offset")),
@@ -299,12 +321,37 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             Hypothesis("frozen_frames", "rgb", _of_alignment("part_frozen_frames")),
         )
     return (
-        Hypothesis("spatial_offset", "events", _of_alignment("part_events_offset"), right_px, "px", error_px),
+        *cameras,
+        Hypothesis("spatial_offset", "events", rest * _of_alignment("part_events_offset"), right_px, "px", error_px),
         *of_frames,
-        Hypothesis("event_model_misdeclared", "events", _of_alignment("part_event_model")),
-        Hypothesis("time_offset", "events", _of_alignment("part_events_time_offset")),
-        Hypothesis("clock_rate", "events", _of_alignment("part_clock_rate")),
+        *weakened(
+            (
+                Hypothesis("event_model_misdeclared", "events", _of_alignment("part_event_model")),
+                Hypothesis("time_offset", "events", _of_alignment("part_events_time_offset")),
+                Hypothesis("clock_rate", "events", _of_alignment("part_clock_rate")),
+            ),
+            rest,
+        ),
     )
+
+
+def _errors_of_cameras(fits: Mapping[FieldModel, FieldFit]) -> tuple[Hypothesis, ...]:
+    """Return a focal length and a rotation of a camera, each supported by what it explains beyond one shift."""
+    focal = [fits[model] for model in FOCAL_MODELS if model in fits]
+    hypotheses: list[Hypothesis] = []
+    if focal:
+        best = max(focal, key=lambda fit: fit.beyond_shift)
+        gain = max(best.focal_gains, key=abs)
+        # The focal length of the events is too large by less than 0 where their image is wider: f' = f / (1 + gain).
+        percent = 100 * (1 / (1 + gain) - 1)
+        of_focal = best.beyond_shift * _of_alignment("focal_length")
+        hypotheses.append(Hypothesis("intrinsics_focal", "metadata", of_focal, percent, "percent"))
+    if "rotation" in fits:
+        rotation = fits["rotation"]
+        angle_deg = signed_length(tuple(float(angle) for angle in np.rad2deg(rotation.parameters)))
+        of_rotation = rotation.beyond_shift * _of_alignment("rotation")
+        hypotheses.append(Hypothesis("extrinsic_rotation", "metadata", of_rotation, angle_deg, "deg"))
+    return tuple(hypotheses)
 
 
 def propose_frames(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

@@ -5,9 +5,6 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
-import numpy as np
-from scipy.spatial.transform import Rotation
-
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.flow_geometry.endpoint import (
     FieldsOff,
@@ -24,13 +21,14 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import (
     TimestampPattern,
 )
 from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
-from fedora_qa.conventions import NS_PER_MS, NS_PER_S, R_BODY_OPTICAL
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S
+from fedora_qa.diagnosis.declared_cameras import is_chosen
 from fedora_qa.diagnosis.flow import DISPLACEMENTS, convention_hypotheses, gain_hypothesis, spreads_over
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis, most_probable, only_feature, support, weakened
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz, is_flow_stream
-from fedora_qa.sequence.declared import Camera, Declared
+from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_comparison import FlowParameterFit, is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial
@@ -61,11 +59,6 @@ _FIELDS_OF_A_JUMP: Final = 2
 
 _GROWTH_OF_NOISE: Final = 5.4
 """Quantile of 0.999 of the sum of three squares over its expectation: chi^2 of three degrees of freedom, over 3."""
-
-_ROUND_DEG: Final = 0.5
-_SAME: Final = 1e-7
-"""Relative tolerance of round numbers: declared numbers are float64, and numbers with few digits rarely occur by
-chance."""
 
 _OF_METADATA: Final = (("metadata", 1), ("flow", -1))
 _OF_TIME: Final = (("pose", 1), ("flow", -1))
@@ -223,54 +216,6 @@ def noise_likeness(growth: float) -> float:
     """Return the agreement of corrections with pose noise, 0 to 1, from the growth of their sum."""
     # 5.4 = chi2_3^-1(0.999) / 3: the growth of independent corrections stays below, that of another motion exceeds it.
     return min(1.0, _GROWTH_OF_NOISE / max(growth, 1.0))
-
-
-def is_chosen(camera: Camera, cause: str) -> bool:
-    """Whether the numbers of a camera that a cause would change are round, as those of a designed camera.
-
-    A designed camera has a round field of view, its principal point in the middle, and an optical axis along an axis of
-    the body or at a round angle to it. A declaration that is wrong by a random amount is round with probability 0, a
-    correct one often is. So where a declaration is round, it is correct (Bayes, for any prior).
-
-    Parameters
-    ----------
-    camera
-        As declared.
-    cause
-        As in ``fedora_qa.causes``.
-
-    Returns
-    -------
-    bool
-        False for causes that change no number of a camera.
-    """
-    if cause == "intrinsics_focal":
-        # Pixels are square, and the field of view, or the focal length itself, is round.
-        fx, fy = camera.K[0, 0], camera.K[1, 1]
-        # Pinhole camera: tan(view / 2) = (width / 2) / fx.
-        view_deg = np.degrees(2 * np.arctan(camera.width / (2 * fx)))
-        return bool(abs(fx - fy) < _SAME * fx and (_round(view_deg, _ROUND_DEG) or _round(fx, _ROUND_DEG)))
-    if cause == "intrinsics_centre":
-        return all(
-            # Px. Centres at 0, 1, ...: (size - 1) / 2; corners there: size / 2; centres at 1, 2, ...: (size + 1) / 2.
-            any(abs(centre - (size + by) / 2) < _SAME * size for by in (-1, 0, 1))
-            for centre, size in ((camera.K[0, 2], camera.width), (camera.K[1, 2], camera.height))
-        )
-    if cause == "extrinsic_rotation":
-        R_body_camera = camera.T_body_camera[:3, :3]
-        # Entries 0 and +-1 only: the camera is mounted at right angles to the axes of the body.
-        straight = bool(np.all(np.abs(R_body_camera - np.rint(R_body_camera)) < _SAME))
-        # Rotation vector from a camera with its optical axis along X forward of the body.
-        angles_deg = Rotation.from_matrix(R_body_camera @ np.array(R_BODY_OPTICAL).T).as_rotvec(degrees=True)
-        # Rotation about one axis by a round angle.
-        about_single_axis = np.count_nonzero(np.abs(angles_deg) > _SAME) == 1
-        return straight or (about_single_axis and _round(np.abs(angles_deg).max(), _ROUND_DEG))
-    return False
-
-
-def _round(value: float, to: float) -> bool:
-    # Relative to the value, but to one step at least: near 0 a relative tolerance would refuse rounding errors.
-    return bool(abs(value / to - np.rint(value / to)) * to < _SAME * max(abs(value), to))
 
 
 def propose_validity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

@@ -1,7 +1,8 @@
 """The faults that a trial undoes for a cause: mechanisms of ``fedora_qa.faults`` with sizes from the measurements."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from math import copysign, hypot, isclose, isfinite, isinf
 from types import MappingProxyType
 from typing import Any, Final, get_args
@@ -9,9 +10,11 @@ from typing import Any, Final, get_args
 import numpy as np
 
 from fedora_qa.causes import stream_family
+from fedora_qa.checks.event_response.alignment import CameraErrorFits
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
+from fedora_qa.diagnosis.declared_cameras import odd_mounting
 from fedora_qa.diagnosis.measured_sizes import (
     Results,
     convention_offsets_px,
@@ -22,6 +25,7 @@ from fedora_qa.diagnosis.measured_sizes import (
     vector,
 )
 from fedora_qa.estimators.clocks.regular_clock import DisplacedSegment, displaced_part
+from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ROTATION_MODELS, FieldFit, FieldModel
 from fedora_qa.faults import (
     axes,
     cameras,
@@ -315,7 +319,21 @@ def _suspected_cameras(fit: FittedCause) -> Sequence[str | None]:
     return ("depth", None) if others_agree else (None, *fit.facts.declared.cameras)
 
 
+def _camera_errors(fit: FittedCause, models: Collection[FieldModel]) -> Iterator[FieldFit]:
+    """Yield the errors of a camera that the shifts of events follow, those that explain most first."""
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    fits = {each: None for feature in features if isinstance(feature, CameraErrorFits) for each in feature.fits}
+    if fit.stream == "metadata":
+        yield from sorted((each for each in fits if each.model in models), key=lambda each: -each.beyond_shift)
+
+
 def _focal_length(fit: FittedCause) -> Faults:
+    for best in islice(_camera_errors(fit, FOCAL_MODELS), 1):
+        # Events whose image is wider by k: f' = f / (1 + k) of the event camera, or f' = f (1 + k) of that of colour.
+        wider = [1 + gain for gain in best.focal_gains]
+        for name, along in (("events", [1 / gain for gain in wider]), ("rgb", wider)):
+            columns_percent, rows_percent = (100 * (factor - 1) for factor in along)
+            yield cameras.FocalLength("metadata", columns_percent, name, rows_percent)
     for camera in _suspected_cameras(fit):
         yield cameras.FocalLength(fit.stream, fit.size, camera)
 
@@ -332,6 +350,13 @@ def _principal_point(fit: FittedCause) -> Faults:
 
 
 def _mounting(fit: FittedCause) -> Faults:
+    if fit.stream == "metadata" and (odd := odd_mounting(fit.facts)) is not None:
+        yield odd
+    for best in _camera_errors(fit, ROTATION_MODELS):
+        # Events lie where the rotation moves the rays: R' = R Exp(w) of the event camera, or its inverse of colour.
+        x_deg, y_deg, z_deg = (float(angle) for angle in np.rad2deg(best.parameters))
+        yield cameras.MountingRotation("metadata", (x_deg, y_deg, z_deg), "events")
+        yield cameras.MountingRotation("metadata", (-x_deg, -y_deg, -z_deg), "rgb")
     names = ("pitch", "yaw", "roll")
     pitch, yaw, roll = _fitted_vector(fit) or flow_vector("mounting", names, fit.stream, fit.results)
     about_axes = ((fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))

@@ -228,14 +228,14 @@ class TrialBench:
         return [*counts, whole] if whole > counts[-1] else counts
 
     def _affected(self, fault: ReversibleFault, failed: Set[str]) -> list[Check[Any]]:
-        family = stream_family(fault.stream)
-        # Declarations are read by every check.
+        families = _families_read_with(fault)
         return [
             check
             for check in self.checks
             if check.name in failed
-            or family == "metadata"
-            or family in {stream_family(stream) for stream in (*check.needs, *check.looks_at)}
+            or families is None
+            or families & {stream_family(stream) for stream in (*check.needs, *check.looks_at)}
+            or (fault.stream == "metadata" and check.name.startswith("metadata."))
         ]
 
     def _spans_of(self, prepared: Prepared, count: int) -> Sequence[Span]:
@@ -368,6 +368,16 @@ def _change(alarm: Alarm, before: Measurement, after: Measurement | None) -> Dev
         after=nan if after is None else _counted(after),
         limit_after=nan if after is None or after.limit is None else after.limit,
     )
+
+
+def _families_read_with(fault: ReversibleFault) -> Set[str] | None:
+    """Return the streams, rates of flow as one, that checks read together with what a fault alters; None for all."""
+    family = stream_family(fault.stream)
+    if family != "metadata":
+        return {family}
+    # A declared camera is read with its images, and that of depth with the flow as well; other declarations by all.
+    camera = getattr(fault, "camera", None)
+    return None if camera is None else {camera, "flow"} if camera == "depth" else {camera}
 
 
 def _by_check(judged: Sequence[Judged]) -> dict[str, Result]:

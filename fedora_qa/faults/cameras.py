@@ -37,33 +37,43 @@ class FocalLength:
         Excess of the factor over 1.
     camera
         The declared camera; None: all of them. Without meaning for flow.
+    rows_percent
+        That of the focal length along rows of pixels, fy; None: the same as along columns.
     """
 
     stream: str
     percent: float
     camera: str | None = None
+    rows_percent: float | None = None
     cause: ClassVar[str] = "intrinsics_focal"
 
     @property
     def magnitude(self) -> float:
-        """Excess of the factor, percent."""
-        return self.percent
+        """Excess of the factor, percent; the larger one of both axes."""
+        return max(self.percent, self.percent if self.rows_percent is None else self.rows_percent, key=abs)
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Multiply the focal lengths."""
-        description = f"the focal length of {self.camera or self.stream} is {self.percent:.3g}% too large"
-        change = self._by(1 + self.percent / 100)
+        description = f"the focal length of {self.camera or self.stream} is {self.magnitude:.3g}% too large"
+        change = self._by(*self._gains)
         return _planted(facts, sequence, self.stream, description, change, self.camera)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Divide the focal lengths."""
-        gain = 1 + self.percent / 100
-        description = f"the focal length of {self.camera or self.stream} divided by {gain:.6g}"
-        return _removed(facts, sequence, self.stream, description, self._by(gain), self._by(1 / gain), self.camera)
+        along_columns, along_rows = self._gains
+        by = f"{along_columns:.6g}" + ("" if along_rows == along_columns else f" and {along_rows:.6g}")
+        description = f"the focal length of {self.camera or self.stream} divided by {by}"
+        wrong, correct = self._by(along_columns, along_rows), self._by(1 / along_columns, 1 / along_rows)
+        return _removed(facts, sequence, self.stream, description, wrong, correct, self.camera)
 
-    def _by(self, gain: float) -> Change:
+    @property
+    def _gains(self) -> tuple[float, float]:
+        rows_percent = self.percent if self.rows_percent is None else self.rows_percent
+        return 1 + self.percent / 100, 1 + rows_percent / 100
+
+    def _by(self, along_columns: float, along_rows: float) -> Change:
         # fx, fy and the skew between them.
-        gains = np.array([[gain, gain, 1.0], [1.0, gain, 1.0], [1.0, 1.0, 1.0]])
+        gains = np.array([[along_columns, along_columns, 1.0], [1.0, along_rows, 1.0], [1.0, 1.0, 1.0]])
         return lambda camera: replace(camera, K=camera.K * gains)
 
 

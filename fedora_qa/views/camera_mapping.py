@@ -1,7 +1,5 @@
 """How one camera's pixels lie in another's image."""
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,12 +7,9 @@ from fedora_qa.estimators.depth.inverse_depth import DepthSteps
 from fedora_qa.geometry.lens import distorted, undistorted
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.event_camera import AXES_AGREE, CENTRES_AGREE_M, why_not_one_lens
+from fedora_qa.views.event_camera import AXES_AGREE, CENTRES_AGREE_M, is_about_parallel, why_not_one_lens
 
 Float64 = NDArray[np.float64]
-
-_FARTHEST_TURN_RAD: Final = np.deg2rad(10.0)
-"""Rows of a camera are slanted lines in a camera that is turned further."""
 
 
 def why_not_comparable(facts: Facts, first: str, second: str) -> str:
@@ -42,14 +37,12 @@ def why_not_comparable(facts: Facts, first: str, second: str) -> str:
     matrices = (camera1.K, camera2.K, camera1.T_body_camera, camera2.T_body_camera)
     if not all(np.all(np.isfinite(matrix)) for matrix in matrices) or min(camera1.K[0, 0], camera1.K[1, 1]) <= 0:
         return f"K or T_body_camera of the cameras {first} and {second} is not usable"
-    # The trace of a rotation is 1 + 2 cos(angle).
-    R_second_first = camera2.T_body_camera[:3, :3].T @ camera1.T_body_camera[:3, :3]
-    if np.trace(R_second_first) < 1 + 2 * np.cos(_FARTHEST_TURN_RAD):
+    if not is_about_parallel(camera1, camera2):
         return f"the optical axes of the cameras {first} and {second} differ"
     return ""
 
 
-def why_not_one_view(facts: Facts, first: str, second: str) -> str:
+def why_not_one_view(facts: Facts, first: str, second: str, *, rotated: bool = False) -> str:
     """Return why the images of two cameras differ by more than a scale; empty where they do not.
 
     Cameras of one direction and one lens image a ray at one point of the image plane, so that K alone relates their
@@ -61,6 +54,9 @@ def why_not_one_view(facts: Facts, first: str, second: str) -> str:
         With the declared cameras.
     first, second
         Names of the cameras.
+    rotated
+        Whether the axes of pinhole cameras without distortion may differ, as by ``is_about_parallel``: K and a rotation
+        then relate their pixels.
 
     Returns
     -------
@@ -76,8 +72,11 @@ def why_not_one_view(facts: Facts, first: str, second: str) -> str:
     # Two centres give parallax, which depends on depth: no scale then maps one image onto the other.
     if difference[:3, 3].max() > CENTRES_AGREE_M:
         return f"the cameras {first} and {second} do not share one centre"
-    if difference[:3, :3].max() > AXES_AGREE or camera1.K[0, 1] or camera2.K[0, 1]:
-        return f"the axes of the cameras {first} and {second} differ, or K has skew"
+    if camera1.K[0, 1] or camera2.K[0, 1]:
+        return f"K of the cameras {first} and {second} has skew"
+    may_differ = rotated and camera1.lens is camera2.lens is None
+    if difference[:3, :3].max() > AXES_AGREE and not may_differ:
+        return f"the axes of the cameras {first} and {second} differ"
     return why_not_one_lens(camera1, camera2, (first, second))
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +37,9 @@ GRID: Final = 4
 
 CENTRES_AGREE_M: Final = 1e-6
 AXES_AGREE: Final = 1e-6
+
+_FARTHEST_ROTATION_RAD: Final = np.deg2rad(10.0)
+"""Rows of a camera are slanted lines in a camera that is rotated further."""
 
 
 def all_events(window: Window) -> Events:
@@ -425,8 +429,22 @@ def _levels(uniform_dn: NDArray[np.float32], declared: EventModel) -> NDArray[np
     return level
 
 
-def why_frames_and_events_do_not_meet(facts: Facts) -> str:
-    """Return why frames cannot be resampled to the event camera's pixels; empty where they can."""
+def why_frames_and_events_do_not_meet(facts: Facts, *, rotated: bool = False) -> str:
+    """Return why frames cannot be resampled to the event camera's pixels; empty where they can.
+
+    Parameters
+    ----------
+    facts
+        With the declared cameras and the event sensor.
+    rotated
+        Whether the axes of pinhole cameras without distortion may differ, as by ``is_about_parallel``. Frames are then
+        interpolated, which moves no edge, but blurs them: for checks of positions.
+
+    Returns
+    -------
+    str
+        A sentence, or an empty string.
+    """
     cameras, events = facts.declared.cameras, facts.declared.events
     if "rgb" not in cameras or "events" not in cameras:
         return "the cameras rgb and events are not both declared in /metadata/cameras"
@@ -440,10 +458,18 @@ def why_frames_and_events_do_not_meet(facts: Facts) -> str:
     difference = np.abs(rgb.T_body_camera - event.T_body_camera)
     if not difference[:3, 3].max() <= CENTRES_AGREE_M:
         return "the cameras rgb and events do not share one centre; the check does not reproject frames through depth"
-    if not difference[:3, :3].max() <= AXES_AGREE:
+    may_differ = rotated and rgb.lens is event.lens is None and is_about_parallel(rgb, event)
+    if not difference[:3, :3].max() <= AXES_AGREE and not may_differ:
         return "the optical axes of the cameras rgb and events differ"
     # One lens images a ray at one point of both image planes, so that footprints need K alone.
     return why_not_one_lens(rgb, event, ("rgb", "events"))
+
+
+def is_about_parallel(camera1: Camera, camera2: Camera) -> bool:
+    """Whether the axes of two cameras differ by a rotation of 10 deg at most."""
+    # The trace of a rotation is 1 + 2 cos(angle).
+    R_second_first = camera2.T_body_camera[:3, :3].T @ camera1.T_body_camera[:3, :3]
+    return bool(np.trace(R_second_first) >= 1 + 2 * np.cos(_FARTHEST_ROTATION_RAD))
 
 
 def why_not_one_lens(camera1: Camera, camera2: Camera, names: tuple[str, str]) -> str:
@@ -510,12 +536,31 @@ def _resample_into(
 
     Each colour is rounded by at most half a step of its code, so luma is as well.
     """
-    luma, clipped_px = luma_dn(window, frame), clipped(window, frame)
+    luma, clipped_px = _in_axes_of_events(window, luma_dn(window, frame), clipped(window, frame))
     footprints = event_footprints(window, (luma.shape[0], luma.shape[1]), at_corners=at_corners)
     edge_aware, uniform, error = target
     rounding_dn = ROUNDING_DN[window.facts.declared.transfer]
     footprints.resample(luma, clipped_px, rounding_dn, edge_aware=edge_aware, uniform=uniform, error=error)
     return target
+
+
+def _in_axes_of_events(
+    window: Window, luma: NDArray[np.float32], clipped_px: NDArray[np.bool_]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return a frame as a colour camera with the axes of the event camera would see it.
+
+    Pixels between others are interpolated linearly; those that no pixel of the frame sees count as clipped.
+    """
+    rgb, events = (window.facts.declared.cameras[name] for name in ("rgb", "events"))
+    R_rgb_events = rgb.T_body_camera[:3, :3].T @ events.T_body_camera[:3, :3]
+    if np.abs(R_rgb_events - np.eye(3)).max() <= AXES_AGREE:
+        return luma, clipped_px
+    # u_rgb ~ K R_rgb_events K^-1 u (Hartley and Zisserman 2004, section 8.4).
+    homography = rgb.K @ R_rgb_events @ np.linalg.inv(rgb.K)
+    shape, flags = (luma.shape[1], luma.shape[0]), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    rotated = cv2.warpPerspective(luma, homography, shape, flags=flags)
+    unseen = cv2.warpPerspective(clipped_px.astype(np.float32), homography, shape, flags=flags, borderValue=1.0)
+    return np.asarray(rotated, np.float32), np.asarray(unseen > 0)
 
 
 def local_tick_ns(window: Window) -> int:

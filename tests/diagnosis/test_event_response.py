@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.checks.event_response.alignment import ShiftAxis
+from fedora_qa.checks.event_response.alignment import CameraErrorFits, ShiftAxis
 from fedora_qa.checks.event_response.frames import ChangeAnomalies, longest_unrelated
 from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
@@ -13,8 +13,11 @@ from fedora_qa.checks.event_response.timing import DelayCourses, delay_courses
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.event_response import hypotheses_of_symmetry, propose_alignment, whose_offset, with_clock_reset
 from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.estimators.events.delays import DelayStep
 from fedora_qa.estimators.events.orientation import SYMMETRIES
+from fedora_qa.estimators.events.shift_field import FieldFit, FieldModel
+from fedora_qa.faults.cameras import FocalLength
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import Camera
@@ -77,6 +80,39 @@ def test_a_shift_of_frames_is_in_their_own_pixels() -> None:
         if h.cause == "spatial_offset"
     }
     assert shifts == {"events": 3.0, "rgb": -6.0}
+
+
+def fit(model: FieldModel, beyond: float, *parameters: float) -> FieldFit:
+    return FieldFit(model, 0.9, beyond, parameters)
+
+
+def test_what_follows_an_error_of_a_camera_is_left_to_others_by_the_rest() -> None:
+    """An image of events that is a tenth wider: f is declared 9% too short; delays explain little of it."""
+    fits = CameraErrorFits((fit("shift", 0.0, 0.1, 0.2), fit("focal", 0.8, 0.1), fit("rotation", 0.1, 0.0, 0.0, 0.01)))
+    hypotheses = {(h.cause, h.stream): h for h in proposed("event_response.alignment.scale", fits)}
+    focal, rotation = hypotheses["intrinsics_focal", "metadata"], hypotheses["extrinsic_rotation", "metadata"]
+    assert focal.magnitude == pytest.approx(100 / 1.1 - 100)
+    assert rotation.magnitude == pytest.approx(np.rad2deg(0.01))
+    assert focal.support > 0.7
+    assert rotation.support < 0.2
+    alone = {(h.cause, h.stream): h for h in proposed("event_response.alignment.scale", CameraErrorFits(()))}
+    late = hypotheses["time_offset", "events"].support / alone["time_offset", "events"].support
+    assert late == pytest.approx(1 - focal.support)
+
+
+def test_a_focal_length_along_one_axis_is_undone_along_it() -> None:
+    """Of the event camera, or the opposite of the colour camera."""
+    fits = CameraErrorFits((fit("focal_by_axis", 0.8, 0.0, 0.05),))
+    facts = facts_of(memory_sequence())
+    code = "event_response.alignment.scale"
+    statistic = Statistic("scale", 2.5, "percent", 0.01, "off", code, features=(fits,))
+    alarms = [Alarm(Finding("F1", code, "error", "off", Where()), statistic)]
+    of_events, of_rgb, *_ = faults_for("intrinsics_focal", "metadata", -4.8, alarms, {}, facts)
+    assert isinstance(of_events, FocalLength)
+    assert isinstance(of_rgb, FocalLength)
+    assert (of_events.camera, of_rgb.camera) == ("events", "rgb")
+    assert (of_events.percent, of_events.rows_percent) == (0, pytest.approx(100 / 1.05 - 100))
+    assert (of_rgb.percent, of_rgb.rows_percent) == (0, pytest.approx(5.0))
 
 
 def test_scatter_of_stamps_is_jitter_with_its_size() -> None:

@@ -116,8 +116,8 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require both cameras at one place."""
-        return why_not_one_view(facts, "events", "rgb")
+        """Require both cameras at one place, whose axes differ by 10 deg at most."""
+        return why_not_one_view(facts, "events", "rgb", rotated=True)
 
     def measure(self, window: Window) -> IntervalCorrelations | None:
         """Correlate some intervals of the window."""

@@ -1,7 +1,7 @@
 """Events against log intensity: position in the image."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -15,12 +15,15 @@ from fedora_qa.estimators.events.shift import (
     RADIUS_PX,
     IntervalChanges,
     PartShift,
+    PartShifts,
     ShiftSums,
     lattice_peak,
     lattice_spread,
     most_shifted,
     open_level_errors,
+    shifts_of_parts,
 )
+from fedora_qa.estimators.events.shift_field import FieldFit, field_fits, scale_and_roll
 from fedora_qa.estimators.events.shift_kernels import KNOWN, USABLE
 from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.features import Feature
@@ -58,6 +61,11 @@ LEAST_CORRELATION: Final = 0.1
 
 FEWEST_INTERVALS: Final = 4
 
+_PROBABLE: Final = 0.3
+"""Correlation above which the peak of a tile mostly comes from the scene of the tile: a fit that leaves out tiles at
+wrong edges may use more tiles than those with ``CLEAR`` edges. A zoom blurs the correlation of a tile. The value is not
+derived."""
+
 REACH_PX: Final = RADIUS_PX - 1
 """Farthest shift whose peak has values on both sides; farther ones are estimated on blocks of pixels."""
 
@@ -73,6 +81,19 @@ class ShiftAxis(Feature):
     """
 
     axis: Literal["right", "down"]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraErrorFits(Feature):
+    """Errors of the event camera, or the opposite ones of the colour camera, that the shifts of the tiles follow.
+
+    Attributes
+    ----------
+    fits
+        One for each model; none where too few tiles have a shift.
+    """
+
+    fits: tuple[FieldFit, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +134,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     """Do events lie at the pixels where the frames change?
 
     The shift of events against frames, to the right and down, in px of the event camera (positive: events lie too far
-    right or down).
+    right or down); the scale of the image of events against that of the frames, and its roll.
 
     Why it matters
     --------------
@@ -128,6 +149,10 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     sum is not biased towards whole pixels. Each product is divided by the root of both energies at its shift, and the
     events of a tile are paired with frames beyond the tile. Otherwise small tiles would peak at their borders, or at
     stronger edges. Larger shifts, up to fourteen pixels, are measured to half a pixel on blocks of 2 x 2.
+
+    Scale and roll are fitted by least squares to the shifts of 4 x 4 tiles with a correlation of at least 0.5, together
+    with a shift of all (``fedora_qa/estimators/events/shift_field.py``). A wrong focal length of either camera changes
+    the scale, a camera that is rotated about its axis the roll.
 
     A sum of events lags behind the motion, most where brightness reverses: the signal must first return through both
     thresholds. The level at a frame is therefore estimated from the last event before it and the first event after it.
@@ -144,12 +169,15 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     of 4 x 4 tiles is also compared with the median of all (tiles where their correlation is at least 0.5). The error of
     a part is the larger of the spread over tiles or windows and the error by levels between two events, C sqrt(1/3 /
     sum h^2), with h the slope of the change. Where there are ten or more parts, their scatter is used if it exceeds
-    these errors.
+    these errors. The errors of scale and roll follow from those of the tiles, widened to their scatter, or from the
+    jackknife over tiles where that is larger; their bound is the largest effect of a displacement of each tile by up to
+    the bound of the shift.
 
     Cannot detect
     -------------
     Shifts beyond fourteen pixels. Unrelated scenes (correlation below 0.1). Shifts along edges that all have one
-    direction. Rotations and scales. Parts with few edges. Hovering makes the error too large: not_observable.
+    direction. Scales and rotations with fewer than six tiles of clear edges, or that move tiles by more than eight
+    pixels. Parts with few edges. Hovering makes the error too large: not_observable.
 
     Sources
     -------
@@ -160,8 +188,8 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require both cameras at one place, and declared thresholds."""
-        return why_frames_and_events_do_not_meet(facts)
+        """Require both cameras at one place, whose axes differ by 10 deg at most, and declared thresholds."""
+        return why_frames_and_events_do_not_meet(facts, rotated=True)
 
     def measure(self, window: Window) -> ShiftCorrelations | None:
         """Correlate some intervals of the window."""
@@ -259,10 +287,73 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             self._whole("shift_right", shift.right_px, "right", float(errors[0]), float(bounds[0])),
             self._whole("shift_down", shift.down_px, "down", float(errors[1]), float(bounds[1])),
         )
-        return Observation(coverage, (*whole, *self._parts(state, threshold, bounds, facts)))
+        of_tiles = self._tiles(state, threshold)
+        field = self._of_tiles(of_tiles, bounds, facts)
+        fits = self._camera_errors(state, threshold, facts)
+        statistics = (*whole, *self._parts(state, threshold, bounds, of_tiles, facts), *field)
+        return Observation(
+            coverage, tuple(replace(statistic, features=(*statistic.features, fits)) for statistic in statistics)
+        )
+
+    def _tiles(self, state: Sequence[ShiftCorrelations], threshold: float) -> PartShifts:
+        """Return the shifts of the tiles of the image, whose correlations are spread over the windows."""
+        tiles = np.array([window.tiles.patches for window in state])
+        count = sum(len(window.patches) for window in state)
+        spreads = [lattice_spread(of_tile) for of_tile in tiles.swapaxes(0, 1)]
+        added = ShiftSums.added([window.tiles for window in state])
+        return shifts_of_parts(added, count, threshold, CLEAR, spreads=spreads)
+
+    def _camera_errors(self, state: Sequence[ShiftCorrelations], threshold: float, facts: Facts) -> CameraErrorFits:
+        """Return the errors of a camera that the tiles follow, also tiles of which some peak at a wrong edge."""
+        sums = ShiftSums.added([window.tiles for window in state])
+        tiles = shifts_of_parts(sums, sum(len(window.patches) for window in state), threshold, _PROBABLE)
+        centres_px, K = _tile_centres(facts)[tiles.is_finite], facts.declared.cameras["events"].K
+        return CameraErrorFits(field_fits(centres_px, tiles.shifts_px[tiles.is_finite], K))
+
+    def _of_tiles(self, tiles: PartShifts, bounds: Float64, facts: Facts) -> tuple[Statistic, ...]:
+        """Return scale and roll of the events against the frames; none where too few tiles have clear edges."""
+        centres_px = _tile_centres(facts)[tiles.is_finite]
+        shifts_px, errors_px = tiles.shifts_px[tiles.is_finite], tiles.errors_px[tiles.is_finite]
+        K = facts.declared.cameras["events"].K
+        similarity = scale_and_roll(centres_px, shifts_px, errors_px, K)
+        if similarity is None:
+            return ()
+        # An error of the level moves every tile by at most the bound of the whole.
+        bound = similarity.per_px * float(bounds.max())
+        scale, scale_error = 100 * similarity.scale, 100 * similarity.scale_error
+        roll, roll_error = (float(np.rad2deg(x)) for x in (similarity.roll_rad, similarity.roll_error_rad))
+        return (
+            Statistic(
+                name="scale",
+                value=scale,
+                unit="percent",
+                standard_error=scale_error,
+                model_error_bound=100 * bound,
+                statement=f"The image of events is {scale:+.3g} +/- {scale_error:.2g}% wider than the changes of the "
+                "frames.",
+                code="event_response.alignment.scale",
+                where=Where(stream="events"),
+            ),
+            Statistic(
+                name="roll",
+                value=roll,
+                unit="deg",
+                standard_error=roll_error,
+                model_error_bound=float(np.rad2deg(bound)),
+                statement=f"The image of events is rotated by {roll:+.3g} +/- {roll_error:.2g} deg (clockwise "
+                "positive) against the changes of the frames.",
+                code="event_response.alignment.roll",
+                where=Where(stream="events"),
+            ),
+        )
 
     def _parts(
-        self, state: Sequence[ShiftCorrelations], threshold: float, bounds: Float64, facts: Facts
+        self,
+        state: Sequence[ShiftCorrelations],
+        threshold: float,
+        bounds: Float64,
+        regions: PartShifts,
+        facts: Facts,
     ) -> list[Statistic]:
         """Return the segment of time and the region with the largest shift against the rest."""
         statistics = []
@@ -273,17 +364,15 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         # A segment of time is spread over the tiles, and a tile over the segments.
         spreads = [lattice_spread(of_window[of_window.any(axis=(1, 2, 3))]) for of_window in tiles]
         segment = most_shifted(
-            ShiftSums.stacked(windows), usual, threshold, LEAST_CORRELATION, spreads=spreads, variants=variants
+            shifts_of_parts(
+                ShiftSums.stacked(windows), usual, threshold, LEAST_CORRELATION, spreads=spreads, variants=variants
+            )
         )
         if segment is not None:
             chosen = [window for window, alike in zip(state, segment.alike, strict=True) if alike]
             where, place = place_of_segment(facts, chosen[0].start_ns, chosen[-1].stop_ns)
             statistics.append(self._part("stretch", segment, bounds, where, place))
-        count = sum(len(window.patches) for window in state)
-        spreads = [lattice_spread(of_tile) for of_tile in tiles.swapaxes(0, 1)]
-        region = most_shifted(
-            ShiftSums.added([window.tiles for window in state]), count, threshold, CLEAR, spreads=spreads
-        )
+        region = most_shifted(regions)
         if region is not None:
             where, place = place_of_tiles(facts, region.alike)
             statistics.append(self._part("region", region, bounds, where, place))
@@ -322,3 +411,12 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
 
 
 _AXES: Final[tuple[Literal["right", "down"], ...]] = ("right", "down")
+
+
+def _tile_centres(facts: Facts) -> Float64:
+    """Return the centres (GRID^2, 2) of the tiles of the event camera, by rows, as columns and rows."""
+    # The centre of the pixels from a to b - 1 is (a + b - 1) / 2.
+    rows, columns = (
+        (np.arange(GRID) + np.arange(1, GRID + 1)) * size / (2 * GRID) - 0.5 for size in sensor_shape(facts.declared)
+    )
+    return np.stack([np.tile(columns, GRID), np.repeat(rows, GRID)], axis=1)

@@ -485,7 +485,28 @@ class PartShift:
     errors_px: Float64
 
 
-def most_shifted(
+@dataclass(frozen=True, slots=True)
+class PartShifts:
+    """Shifts of k parts with their standard errors.
+
+    Attributes
+    ----------
+    shifts_px
+        (k, 2) to the right and down, px; NaN for parts without a peak of their own.
+    errors_px
+        (k, 2) standard errors, px; infinite for such parts.
+    """
+
+    shifts_px: Float64
+    errors_px: Float64
+
+    @property
+    def is_finite(self) -> Bool:
+        """(k,) True for parts with a peak of their own."""
+        return np.asarray(np.isfinite(self.shifts_px).all(axis=1))
+
+
+def shifts_of_parts(
     sums: ShiftSums,
     intervals: int,
     threshold: float,
@@ -493,8 +514,8 @@ def most_shifted(
     *,
     spreads: Sequence[Float64 | None] | None = None,
     variants: Sequence[Float64] = (),
-) -> PartShift | None:
-    """Return the part that is shifted most against the others, in standard errors.
+) -> PartShifts:
+    """Return the shift of each part.
 
     Parameters
     ----------
@@ -516,8 +537,8 @@ def most_shifted(
 
     Returns
     -------
-    PartShift | None
-        None where fewer than four parts have a peak of their own.
+    PartShifts
+        Of the k parts.
     """
     count = len(sums.patches)
     shifts, errors = np.full((count, 2), np.nan), np.full((count, 2), np.inf)
@@ -531,8 +552,18 @@ def most_shifted(
                 other = lattice_peak(variant[i])
                 if other is not None:
                     errors[i] = np.hypot(errors[i], (other.right_px - shift.right_px, other.down_px - shift.down_px))
-    # Parts without a peak of their own are not compared.
-    is_finite = np.isfinite(shifts).all(axis=1)
+    return PartShifts(shifts, errors)
+
+
+def most_shifted(parts: PartShifts) -> PartShift | None:
+    """Return the part that is shifted most against the others, in standard errors.
+
+    Returns
+    -------
+    PartShift | None
+        None where fewer than four parts have a peak of their own.
+    """
+    shifts, errors, is_finite = parts.shifts_px, parts.errors_px, parts.is_finite
     if np.count_nonzero(is_finite) < FEWEST_PARTS:
         return None
     usual = np.median(shifts[is_finite], axis=0)

@@ -23,6 +23,7 @@ from fedora_qa.estimators.events.shift import (
     open_level_errors,
     peak,
     peak_spread,
+    shifts_of_parts,
     slope_sums,
 )
 from fedora_qa.estimators.events.shift_kernels import KNOWN, USABLE
@@ -69,7 +70,7 @@ def test_shifted_tiles_are_found(right_px: float) -> None:
     """A quarter of the image is named with its shift, to a tenth of a pixel and a tenth of the shift."""
     moved = np.zeros(SHAPE, np.bool_)
     moved[24:72, 32:96] = True
-    found = most_shifted(sums_with(moved, right_px), 1, THRESHOLD, CLEAR)
+    found = most_shifted(shifts_of_parts(sums_with(moved, right_px), 1, THRESHOLD, CLEAR))
     assert found is not None
     assert found.axis == 0
     assert found.shift_px == pytest.approx(right_px, abs=0.1 + 0.1 * abs(right_px))
@@ -81,7 +82,7 @@ def test_the_shifted_parts_may_be_the_most() -> None:
     """Where all tiles but four are shifted, these are named and not the four."""
     moved = np.ones(SHAPE, np.bool_)
     moved[:48, :64] = False
-    found = most_shifted(sums_with(moved, 2.0), 1, THRESHOLD, CLEAR)
+    found = most_shifted(shifts_of_parts(sums_with(moved, 2.0), 1, THRESHOLD, CLEAR))
     assert found is not None
     assert found.shift_px == pytest.approx(2.0, abs=0.3)
     assert not found.alike.reshape(GRID, GRID)[:2, :2].any()
@@ -98,17 +99,17 @@ def test_other_assumptions_and_spreads_widen_errors() -> None:
     slopes = np.ones((parts, 3, 2)) * rng.uniform(1.0, 2.0, (parts, 1, 1))
     sums = ShiftSums(np.array([alike] * parts), np.full((parts, 2), alike.max()), slopes)
     own = np.array([bracketed_level_errors(each / 3, THRESHOLD) for each in slopes])
-    plain = most_shifted(sums, 3, THRESHOLD, 0.0)
+    plain = most_shifted(shifts_of_parts(sums, 3, THRESHOLD, 0.0))
     assert plain is not None
     np.testing.assert_allclose(plain.errors_px, own)
     other = np.array([moved, *[alike] * (parts - 1)])
-    widened = most_shifted(sums, 3, THRESHOLD, 0.0, variants=[other, other])
+    widened = most_shifted(shifts_of_parts(sums, 3, THRESHOLD, 0.0, variants=[other, other]))
     assert widened is not None
     due = np.hypot(own[0], np.sqrt(2) * np.array([1.0, 2.0]))
     np.testing.assert_allclose(widened.errors_px[0], due, rtol=0.05)
     np.testing.assert_allclose(widened.errors_px[1:], own[1:])
     spreads = [np.array([9.0, 0.0]), None, *[np.zeros(2)] * (parts - 2)]
-    spread = most_shifted(sums, 3, THRESHOLD, 0.0, spreads=spreads)
+    spread = most_shifted(shifts_of_parts(sums, 3, THRESHOLD, 0.0, spreads=spreads))
     assert spread is not None
     assert spread.compared == parts - 1
     np.testing.assert_allclose(spread.errors_px, [[9.0, own[0, 1]], *own[2:]])
@@ -123,7 +124,7 @@ def test_the_scatter_of_many_parts_is_their_error(parts: int, is_widened: bool) 
     shifts = 0.5 * (np.arange(parts) - (parts - 1) / 2)
     patches = np.array([gaussian_lattices(right, 0.0, 3.0) for right in shifts])
     sums = ShiftSums(patches, np.ones((parts, 2)), np.full((parts, 3, 2), 100.0))
-    found = most_shifted(sums, 1, THRESHOLD, 0.0)
+    found = most_shifted(shifts_of_parts(sums, 1, THRESHOLD, 0.0))
     assert found is not None
     own = bracketed_level_errors(sums.slopes[0], THRESHOLD)
     # Half of all scores are of the axis without a shift: the median is that of both axes.
@@ -146,14 +147,14 @@ def test_parts_that_agree_are_not_shifted() -> None:
 def test_parts_of_another_scene_have_no_shift() -> None:
     """Events of unrelated texture correlate too little for a peak of their own."""
     unrelated = tile_sums(scene(), inner(scene(seed=1)), np.ones(SHAPE, np.bool_))
-    assert most_shifted(unrelated, 1, THRESHOLD, CLEAR) is None
+    assert most_shifted(shifts_of_parts(unrelated, 1, THRESHOLD, CLEAR)) is None
 
 
 def test_dark_tiles_are_left_out() -> None:
     """Tiles without a usable pixel neither crash nor count."""
     usable = np.ones(SHAPE, np.bool_)
     usable[:24] = False
-    found = most_shifted(tile_sums(scene(), inner(scene()), usable), 1, THRESHOLD, CLEAR)
+    found = most_shifted(shifts_of_parts(tile_sums(scene(), inner(scene()), usable), 1, THRESHOLD, CLEAR))
     assert found is not None
     assert found.compared == GRID * (GRID - 1)
     assert abs(found.shift_px) < 5 * found.standard_error_px

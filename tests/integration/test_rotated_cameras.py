@@ -1,0 +1,97 @@
+"""Colour and event cameras at one place whose axes differ: compared as declared, and a wrong mounting is found."""
+
+from pathlib import Path
+from shutil import copy
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fedora_generator.generate import Request, generate_sequence
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
+from fedora_qa.record.types import Result
+from tests.support.checked import run_check
+from tests.support.sequences import small_scene
+from tests.support.shared_files import SharedFiles
+
+ROTATION_DEG = (0.6, -0.8, 3.0)
+POSITIONS = ("event_response.alignment", "alignment.events")
+
+
+@pytest.fixture
+def parallel(shared_files: SharedFiles) -> Path:
+    """The park by day with parallel cameras. Tests must not write into it."""
+    request = Request(duration_s=0.6, quality="draft")
+    return shared_files.file(
+        "park-rotated-cameras.h5", lambda path: generate_sequence(small_scene("park-day", 198, 147), path, request)
+    )
+
+
+@pytest.fixture
+def rotated(parallel: Path, tmp_path: Path) -> Path:
+    """A copy whose colour camera is rotated by ``ROTATION_DEG``, in its frames and in its declaration."""
+    path = Path(copy(parallel, tmp_path / "rotated.h5"))
+    R = Rotation.from_rotvec(ROTATION_DEG, degrees=True).as_matrix()
+    with h5py.File(path, "r+") as file:
+        camera = file["metadata/cameras/rgb"].attrs
+        K, T_body_camera = np.array(camera["K"]), np.array(camera["T_body_camera"])
+        # A pixel of the rotated camera lies at K R K^-1 u of the camera as it was: R' = R_body_camera R.
+        homography, frames = K @ R @ np.linalg.inv(K), file["path/rgb"]
+        size, flags = (frames.shape[2], frames.shape[1]), cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+        for row in range(len(frames)):
+            frames[row] = cv2.warpPerspective(frames[row], homography, size, flags=flags)
+        T_body_camera[:3, :3] = T_body_camera[:3, :3] @ R
+        camera["T_body_camera"] = T_body_camera
+    return path
+
+
+def value_of(result: Result, name: str) -> float:
+    return next(m.value for m in result.measurements if m.name == name and m.value is not None)
+
+
+@pytest.mark.parametrize("check", POSITIONS)
+def test_cameras_of_other_axes_are_compared_as_declared(rotated: Path, check: str) -> None:
+    """Frames are interpolated in the axes of the event camera: no shift, no scale, no roll."""
+    result = run_check(rotated, check)
+    assert result.outcome == "passed"
+    assert abs(value_of(result, "shift_right")) < 0.15
+    assert abs(value_of(result, "shift_down")) < 0.15
+    if check == "event_response.alignment":
+        assert abs(value_of(result, "roll")) < 0.3
+        assert abs(value_of(result, "scale")) < 0.5
+
+
+def test_an_undeclared_rotation_is_measured(parallel: Path, rotated: Path) -> None:
+    """The frames are rotated by 3 deg about the optical axis, and the events by as much the other way against them."""
+    with h5py.File(parallel) as correct, h5py.File(rotated, "r+") as file:
+        file["metadata/cameras/rgb"].attrs["T_body_camera"] = correct["metadata/cameras/rgb"].attrs["T_body_camera"]
+    result = run_check(rotated, "event_response.alignment")
+    assert result.outcome == "failed"
+    assert value_of(result, "roll") == pytest.approx(ROTATION_DEG[2], abs=0.5)
+
+
+def test_a_mounting_that_nobody_chose_is_named(parallel: Path, tmp_path: Path) -> None:
+    """The event camera is declared to look elsewhere than the others: its mounting is confirmed by taking it back."""
+    path = Path(copy(parallel, tmp_path / "tilted.h5"))
+    with h5py.File(path, "r+") as file:
+        camera = file["metadata/cameras/events"].attrs
+        T_body_camera = np.array(camera["T_body_camera"])
+        T_body_camera[:3, :3] = T_body_camera[:3, :3] @ Rotation.from_rotvec((0.9, -1.3, 0.7), degrees=True).as_matrix()
+        camera["T_body_camera"] = T_body_camera
+    first = check_file(path, CheckOptions(evidence=None)).record.diagnoses[0]
+    assert (first.cause, first.stream) == ("extrinsic_rotation", "metadata")
+    assert first.cleared
+
+
+def test_a_focal_length_is_named_with_its_size(parallel: Path, tmp_path: Path) -> None:
+    """The focal length of the event camera is declared 5% too long."""
+    path = Path(copy(parallel, tmp_path / "longer.h5"))
+    with h5py.File(path, "r+") as file:
+        camera = file["metadata/cameras/events"].attrs
+        camera["K"] = np.array(camera["K"]) * [[1.05, 1, 1], [1, 1.05, 1], [1, 1, 1]]
+    first = check_file(path, CheckOptions(evidence=None)).record.diagnoses[0]
+    assert (first.cause, first.stream) == ("intrinsics_focal", "metadata")
+    assert first.magnitude == pytest.approx(5.0, abs=1.0)
