@@ -9,7 +9,7 @@ and at its worst. Diagnosis runs only after an alarm: on clean files it would al
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isclose
 from types import MappingProxyType
@@ -42,6 +42,9 @@ _CERTAIN: Final = 0.85
 
 _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
+
+_IN_ONE_DIRECTION: Final = frozenset({"spatial_offset", "intrinsics_centre", "time_offset", "clock_rate"})
+"""Causes that move edges in one direction: where the image moves evenly, one undoes what another did."""
 
 _VECTORS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm"})
 """Causes whose size is the length of a vector, of which each finding states a component."""
@@ -106,12 +109,8 @@ def choose_causes(
     weights = _weights(alarms)
     ranked = rank_candidates(alarms, hypotheses, results, places)
     prior = {candidate.key: candidate for candidate in ranked}
-    # What a trial clears and leaves nothing of, an untested cause explains by its fit alone.
-    settled = {f for trial in trials.values() if trial.succeeds and not trial.left for f in trial.cleared}
     candidates = [
-        _untested(candidate, codes, settled)
-        if candidate.key not in trials
-        else _tested(candidate, codes, trials[candidate.key])
+        _tested(candidate, codes, trials.get(candidate.key))
         for candidate in ranked
         if not is_excluded(candidate, codes, trials)
     ]
@@ -220,36 +219,23 @@ def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:
     return {finding: 1.0 / findings_of_check[check] for finding, check in checks.items()}
 
 
-def _untested(candidate: CauseCandidate, codes: Mapping[str, str], settled: Collection[str]) -> CauseCandidate:
-    """Return a candidate without a trial: a measurement of the cause itself is worth as much as a trial.
-
-    Parameters
-    ----------
-    candidate
-        With the support of its hypotheses.
-    codes
-        Of all findings, by their id.
-    settled
-        Findings that the trial of another cause clears, without leaving any: a fit counts little beside it.
-    """
-    evidence = {}
-    for finding, h in candidate.evidence.items():
-        if is_direct(candidate.cause, codes[finding]):
-            evidence[finding] = replace(h, support=1.0) if h.support >= _CERTAIN else h
-        else:
-            evidence[finding] = replace(h, support=min(h.support, FITS)) if finding in settled else h
-    return replace(candidate, evidence=evidence)
-
-
-def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial) -> CauseCandidate:
+def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial | None) -> CauseCandidate:
     """Return a candidate with the support that a trial measured."""
-    if clears_by_chance(candidate, codes, trial) or not (trial.cleared or is_conclusive(candidate, codes)):
-        return _untested(candidate, codes, ())
+    is_chance = trial is not None and clears_by_chance(candidate, codes, trial)
+    if trial is None or is_chance or not (trial.cleared or is_conclusive(candidate, codes)):
+        # A measurement of the cause itself is worth as much as a trial.
+        certain = {
+            finding: replace(h, support=1.0)
+            for finding, h in candidate.evidence.items()
+            if h.support >= _CERTAIN and is_direct(candidate.cause, codes[finding])
+        }
+        return replace(candidate, evidence={**candidate.evidence, **certain})
     evidence = dict(candidate.evidence)
-    # A fault that clears all that the windows show, of several checks, or of a check beside those that propose it,
-    # clears nothing by chance.
+    # A fault that clears all that the windows show, of several checks, clears nothing by chance; nor does one with a
+    # field of its own that clears a check beside the one that measured this field.
     concerned = {check_of_code(codes[f]) for f in trial.cleared}
-    concerned |= {check_of_code(codes[f]) for f, h in candidate.evidence.items() if h.support >= FITS}
+    if candidate.cause not in _IN_ONE_DIRECTION:
+        concerned |= {check_of_code(codes[f]) for f, h in candidate.evidence.items() if h.support >= FITS}
     clears_all = trial.succeeds and not trial.left and len(concerned) > 1
     for finding in trial.cleared:
         # Deviations that only the trial has brought about count against it.

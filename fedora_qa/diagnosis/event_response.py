@@ -18,10 +18,10 @@ from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_mountings
-from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support, weakened
+from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.diagnosis.measured_sizes import hypotheses_of_conventions, rgb_px_per_event_px
 from fedora_qa.diagnosis.vetoes import places_of_clocks
-from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, FieldFit, FieldModel
+from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ShiftFieldFit, ShiftFieldModel
 from fedora_qa.faults.fault import signed_length
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -278,17 +278,13 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     statistic, rule = alarm.statistic, alarm.finding.code.rpartition(".")[2]
     fits = {fit.model: fit for each in statistic.features if isinstance(each, CameraErrorFits) for fit in each.fits}
     cameras = _errors_of_cameras(fits)
-    # What follows an error of a camera is left to other causes by the rest alone.
-    rest = 1.0 - max((hypothesis.support for hypothesis in cameras), default=0.0)
-    # Clocks and the sensor shift events along the motion of the image, whatever its field.
-    others = weakened(
-        (
-            Hypothesis("time_offset", "events", _of_alignment("events_time_offset")),
-            Hypothesis("time_offset", "rgb", _of_alignment("frames_time_offset")),
-            Hypothesis("clock_rate", "events", _of_alignment("clock_rate")),
-            Hypothesis("event_model_misdeclared", "events", _of_alignment("event_model")),
-        ),
-        rest,
+    # Late events are shifted by the motion of the image. That of a camera that turns or nears has the field of an error
+    # of a camera, and trials decide.
+    others = (
+        Hypothesis("time_offset", "events", _of_alignment("events_time_offset")),
+        Hypothesis("time_offset", "rgb", _of_alignment("frames_time_offset")),
+        Hypothesis("clock_rate", "events", _of_alignment("clock_rate")),
+        Hypothesis("event_model_misdeclared", "events", _of_alignment("event_model")),
     )
     if rule in ("scale", "roll"):
         return (*cameras, *others)
@@ -313,29 +309,26 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         )  # fmt: skip
     of_frames: tuple[Hypothesis, ...] = ()
     if rule == "stretch":
-        cameras, rest = (), 1.0
+        cameras = ()
         # A deviation of a region is due to events; one of a segment of time may be due to frames.
         of_frames = (
             Hypothesis("spatial_offset", "rgb", _of_alignment("part_frames_offset")),
             Hypothesis("swapped_frames", "rgb", _of_alignment("part_swapped_frames")),
             Hypothesis("frozen_frames", "rgb", _of_alignment("part_frozen_frames")),
         )
+    # A tile that follows an error of a camera was not moved alone.
+    rest = 1.0 - max((hypothesis.support for hypothesis in cameras), default=0.0)
     return (
         *cameras,
         Hypothesis("spatial_offset", "events", rest * _of_alignment("part_events_offset"), right_px, "px", error_px),
         *of_frames,
-        *weakened(
-            (
-                Hypothesis("event_model_misdeclared", "events", _of_alignment("part_event_model")),
-                Hypothesis("time_offset", "events", _of_alignment("part_events_time_offset")),
-                Hypothesis("clock_rate", "events", _of_alignment("part_clock_rate")),
-            ),
-            rest,
-        ),
+        Hypothesis("event_model_misdeclared", "events", _of_alignment("part_event_model")),
+        Hypothesis("time_offset", "events", _of_alignment("part_events_time_offset")),
+        Hypothesis("clock_rate", "events", _of_alignment("part_clock_rate")),
     )
 
 
-def _errors_of_cameras(fits: Mapping[FieldModel, FieldFit]) -> tuple[Hypothesis, ...]:
+def _errors_of_cameras(fits: Mapping[ShiftFieldModel, ShiftFieldFit]) -> tuple[Hypothesis, ...]:
     """Return a focal length and a rotation of a camera, each supported by what it explains beyond one shift."""
     focal = [fits[model] for model in FOCAL_MODELS if model in fits]
     hypotheses: list[Hypothesis] = []

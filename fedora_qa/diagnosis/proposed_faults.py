@@ -25,7 +25,7 @@ from fedora_qa.diagnosis.measured_sizes import (
     vector,
 )
 from fedora_qa.estimators.clocks.regular_clock import DisplacedSegment, displaced_part
-from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ROTATION_MODELS, FieldFit, FieldModel
+from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ROTATION_MODELS, ShiftFieldFit, ShiftFieldModel
 from fedora_qa.faults import (
     axes,
     cameras,
@@ -319,7 +319,7 @@ def _suspected_cameras(fit: FittedCause) -> Sequence[str | None]:
     return ("depth", None) if others_agree else (None, *fit.facts.declared.cameras)
 
 
-def _camera_errors(fit: FittedCause, models: Collection[FieldModel]) -> Iterator[FieldFit]:
+def _camera_errors(fit: FittedCause, models: Collection[ShiftFieldModel]) -> Iterator[ShiftFieldFit]:
     """Yield the errors of a camera that the shifts of events follow, those that explain most first."""
     features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
     fits = {each: None for feature in features if isinstance(feature, CameraErrorFits) for each in feature.fits}

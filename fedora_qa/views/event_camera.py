@@ -467,8 +467,10 @@ def why_frames_and_events_do_not_meet(facts: Facts, *, rotated: bool = False) ->
 
 def is_about_parallel(camera1: Camera, camera2: Camera) -> bool:
     """Whether the axes of two cameras differ by a rotation of 10 deg at most."""
-    # The trace of a rotation is 1 + 2 cos(angle).
     R_second_first = camera2.T_body_camera[:3, :3].T @ camera1.T_body_camera[:3, :3]
+    if np.abs(R_second_first @ R_second_first.T - np.eye(3)).max() > AXES_AGREE:
+        return False
+    # The trace of a rotation is 1 + 2 cos(angle).
     return bool(np.trace(R_second_first) >= 1 + 2 * np.cos(_FARTHEST_ROTATION_RAD))
 
 

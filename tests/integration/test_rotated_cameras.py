@@ -24,7 +24,7 @@ POSITIONS = ("event_response.alignment", "alignment.events")
 @pytest.fixture
 def parallel(shared_files: SharedFiles) -> Path:
     """The park by day with parallel cameras. Tests must not write into it."""
-    request = Request(duration_s=0.6, quality="draft")
+    request = Request(duration_s=1.0, quality="draft")
     return shared_files.file(
         "park-rotated-cameras.h5", lambda path: generate_sequence(small_scene("park-day", 198, 147), path, request)
     )

@@ -23,7 +23,7 @@ from fedora_qa.estimators.events.shift import (
     open_level_errors,
     shifts_of_parts,
 )
-from fedora_qa.estimators.events.shift_field import FieldFit, field_fits, scale_and_roll
+from fedora_qa.estimators.events.shift_field import ShiftFieldFit, field_fits, scale_and_roll
 from fedora_qa.estimators.events.shift_kernels import KNOWN, USABLE
 from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.features import Feature
@@ -93,7 +93,7 @@ class CameraErrorFits(Feature):
         One for each model; none where too few tiles have a shift.
     """
 
-    fits: tuple[FieldFit, ...]
+    fits: tuple[ShiftFieldFit, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,12 +25,12 @@ from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, jackknife_errors
 
 Float64 = NDArray[np.float64]
 
-FieldModel = Literal["shift", "focal", "focal_by_axis", "shift_and_focal", "rotation"]
+ShiftFieldModel = Literal["shift", "focal", "focal_by_axis", "shift_and_focal", "rotation"]
 
-FOCAL_MODELS: Final[tuple[FieldModel, ...]] = ("focal", "focal_by_axis", "shift_and_focal")
+FOCAL_MODELS: Final[tuple[ShiftFieldModel, ...]] = ("focal", "focal_by_axis", "shift_and_focal")
 """Models of another focal length, the simplest first."""
 
-ROTATION_MODELS: Final[tuple[FieldModel, ...]] = ("rotation",)
+ROTATION_MODELS: Final[tuple[ShiftFieldModel, ...]] = ("rotation",)
 
 FEWEST_TILES: Final = 6
 """Least number of tiles with a shift: the two components of each are more than twice the parameters of every model."""
@@ -61,7 +61,7 @@ class ScaleAndRoll:
 
 
 @dataclass(frozen=True, slots=True)
-class FieldFit:
+class ShiftFieldFit:
     """A model of the shifts of tiles.
 
     Attributes
@@ -77,7 +77,7 @@ class FieldFit:
         rows; ``shift_and_focal``: shift and k; ``rotation``: rotation vector, rad, in optical axes.
     """
 
-    model: FieldModel
+    model: ShiftFieldModel
     explained: float
     beyond_shift: float
     parameters: tuple[float, ...]
@@ -135,7 +135,7 @@ def scale_and_roll(centres_px: Float64, shifts_px: Float64, errors_px: Float64, 
     return ScaleAndRoll(float(fitted[2]), float(errors[2]), float(fitted[3]), float(errors[3]), float(gains[2:].max()))
 
 
-def field_fits(centres_px: Float64, shifts_px: Float64, K: Float64) -> tuple[FieldFit, ...]:
+def field_fits(centres_px: Float64, shifts_px: Float64, K: Float64) -> tuple[ShiftFieldFit, ...]:
     """Fit every model to the shifts of tiles.
 
     Parameters
@@ -149,7 +149,7 @@ def field_fits(centres_px: Float64, shifts_px: Float64, K: Float64) -> tuple[Fie
 
     Returns
     -------
-    tuple[FieldFit, ...]
+    tuple[ShiftFieldFit, ...]
         One for each model; none of fewer than ``FEWEST_TILES`` tiles, and none of tiles without a shift.
     """
     squares = (shifts_px**2).sum(axis=1)
@@ -168,7 +168,7 @@ def field_fits(centres_px: Float64, shifts_px: Float64, K: Float64) -> tuple[Fie
         explained = 1.0 - left / freedom * 2 * len(shifts_px) / unexplained
         beyond = 1.0 - left / freedom * (2 * len(shifts_px) - 2) / max(of_shift, 1e-300)
         fits.append(
-            FieldFit(
+            ShiftFieldFit(
                 model,
                 max(explained, 0.0),
                 0.0 if model == "shift" else max(beyond, 0.0),
@@ -178,7 +178,7 @@ def field_fits(centres_px: Float64, shifts_px: Float64, K: Float64) -> tuple[Fie
     return tuple(fits)
 
 
-def _models(centres_px: Float64, K: Float64) -> Mapping[FieldModel, Float64]:
+def _models(centres_px: Float64, K: Float64) -> Mapping[ShiftFieldModel, Float64]:
     """Return the design (k, 2, parameters) of each model."""
     focal_px, centre_px = np.array([K[0, 0], K[1, 1]]), np.array([K[0, 2], K[1, 2]])
     right_px, down_px = (centres_px - centre_px).T

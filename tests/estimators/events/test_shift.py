@@ -137,7 +137,7 @@ def test_parts_that_agree_are_not_shifted() -> None:
     """Nor is a part without a peak of its own, which comes first here."""
     alike = gaussian_lattices(1.0, -1.0, 3.0)
     sums = ShiftSums(np.array([0 * alike, *[alike] * 5]), np.ones((6, 2)), np.ones((6, 3, 2)))
-    found = most_shifted(sums, 1, THRESHOLD, CLEAR)
+    found = most_shifted(shifts_of_parts(sums, 1, THRESHOLD, CLEAR))
     assert found is not None
     assert (found.shift_px, found.compared) == (0.0, 5)
     assert found.part > 0

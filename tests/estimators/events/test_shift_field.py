@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.events.shift_field import FEWEST_TILES, FieldModel, field_fits, scale_and_roll
+from fedora_qa.estimators.events.shift_field import FEWEST_TILES, ShiftFieldModel, field_fits, scale_and_roll
 
 Float64 = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ def shifts_of(true_K: Float64, rotation: Float64) -> Float64:
     return moved
 
 
-def best_model(shifts_px: Float64) -> tuple[FieldModel, tuple[float, ...]]:
+def best_model(shifts_px: Float64) -> tuple[ShiftFieldModel, tuple[float, ...]]:
     fits = field_fits(CENTRES, shifts_px, K)
     best = max(fits, key=lambda fit: fit.explained)
     return best.model, best.parameters
