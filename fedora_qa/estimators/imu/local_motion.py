@@ -406,7 +406,7 @@ def lone_samples(times_ns: Int64, curve: SampledCurve) -> tuple[Indices, Float64
     Returns
     -------
     rows : (n,) array
-        Of the samples that lie off; empty where there are none, too many, or any beside another.
+        Of the samples that lie off; empty where there are none, or any beside another.
     distances : (n,) array
         From the middle of the two neighbours, in the unit of the curve.
     """
@@ -416,11 +416,11 @@ def lone_samples(times_ns: Int64, curve: SampledCurve) -> tuple[Indices, Float64
         return none, np.empty(0)
     vectors = curve.relative_vectors(stencils, 1)
     distances = np.linalg.norm(vectors[:, 0] + vectors[:, 2], axis=1) / 2
-    # Half of all rows are quiet even where a fifth of the samples lie off.
+    # Half of all rows are quiet even where a fifth of the samples lie off. At most half exceed the median.
     off = distances > _LONE * max(float(np.median(distances)), np.finfo(np.float64).tiny)
     starts = np.flatnonzero(np.diff(np.r_[0, off.astype(np.int8)]) == 1)
     stops = np.flatnonzero(np.diff(np.r_[off.astype(np.int8), 0]) == -1) + 1
-    if not len(starts) or off.sum() > len(off) / 2 or np.any(stops - starts > _ROWS_OF_TWO):
+    if not len(starts) or np.any(stops - starts > _ROWS_OF_TWO):
         return none, np.empty(0)
     # The largest row of each run is that of the sample: its neighbours show half of the distance.
     largest = np.array(
