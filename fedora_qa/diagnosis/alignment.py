@@ -9,9 +9,8 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, EventEdges
-from fedora_qa.diagnosis.declared_cameras import hypotheses_of_mountings
+from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
-from fedora_qa.diagnosis.measured_sizes import hypotheses_of_conventions
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
@@ -36,8 +35,7 @@ def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             depth, rgb = support("alignment.mirrored_depth_against_events"), support("alignment.mirrored_rgb_unopposed")
         return Hypothesis("mirrored", "depth", depth), Hypothesis("mirrored", "rgb", rgb)
     return (
-        *hypotheses_of_conventions(facts),
-        *hypotheses_of_mountings(facts, ("events", "rgb")),
+        *hypotheses_of_centres(facts),
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
         # An offset or an exchange of frames moves edges along the motion of the image.
         Hypothesis("time_offset", "rgb", support("alignment.frame_time_offset")),
@@ -50,8 +48,7 @@ def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 def propose_events(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for ``alignment.events``: a shifted camera, or a late stream."""
     return (
-        *hypotheses_of_conventions(facts),
-        *hypotheses_of_mountings(facts, ("events", "rgb")),
+        *hypotheses_of_centres(facts),
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
         # Offsets and rate errors of clocks shift events along the motion of the image.
         Hypothesis("time_offset", "events", support("alignment.event_time_offset")),

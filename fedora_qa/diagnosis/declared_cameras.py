@@ -1,22 +1,171 @@
-"""What the declared cameras state of themselves: numbers that were chosen, and a mounting beside that of the others."""
+"""Hypotheses for declared cameras whose numbers are improbable, as causes of whatever depends on these cameras.
 
-from collections.abc import Collection
+K may be transposed, or of an image of another size, or have a principal point apart from the others; positions may be
+in another unit, and one camera of a rig may look elsewhere than the others. Each such declaration states its own
+correction, which a trial tests.
+"""
+
+from collections.abc import Mapping
+from math import hypot
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fedora_qa.checks.metadata.cameras import convention_offset_px
 from fedora_qa.conventions import R_BODY_OPTICAL
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
-from fedora_qa.faults.cameras import MountingRotation
+from fedora_qa.faults.cameras import (
+    IntrinsicsOfSize,
+    MountingRotation,
+    MountingUnit,
+    PrincipalPointShift,
+    TransposedIntrinsics,
+    is_transposed,
+)
+from fedora_qa.faults.fault import signed_length
+from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.event_camera import AXES_AGREE, is_about_parallel
+
+_CAMERAS_OF_SUBJECT: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
+    {
+        "flow_geometry": frozenset({"depth"}),
+        "depth": frozenset({"depth"}),
+        "alignment": frozenset({"rgb", "depth", "events"}),
+        "event_response": frozenset({"rgb", "events"}),
+        "flow_photometric": frozenset({"rgb", "depth"}),
+    }
+)
+"""Cameras by which the checks of a subject compare streams."""
+
+_WITH_PARALLAX: Final = frozenset({"flow_geometry", "depth"})
+"""Subjects in which the position of a camera on the body takes part."""
+
+_FARTHEST_M: Final = 2.0
+"""Distance of a camera from the origin of its body, m, above which another unit is tried. The value is not derived:
+flying bodies and their sensor heads are smaller, and a trial decides."""
 
 _ROUND_DEG: Final = 0.5
 _SAME: Final = 1e-7
 """Relative tolerance of round numbers: declared numbers are float64, and numbers with few digits rarely occur by
 chance."""
+
+_UNITS: Final = (1000.0, 100.0)
+"""Declared over correct lengths: millimetres, centimetres."""
+
+
+def of_declared_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the improbable declarations of the cameras on which a finding depends, as its causes."""
+    subject = alarm.finding.code.partition(".")[0]
+    names = _CAMERAS_OF_SUBJECT.get(subject, frozenset()) & facts.declared.cameras.keys()
+    hypotheses: list[Hypothesis] = []
+    for name in sorted(names):
+        if is_transposed(facts.declared.cameras[name].K):
+            hypotheses.append(transposed_hypothesis(facts))
+        hypotheses += [
+            Hypothesis("intrinsics_focal", "metadata", support("metadata.of_another_size"), fault.magnitude, "percent")
+            for fault in other_sizes(facts)
+            if fault.camera == name
+        ]
+    odd = odd_mounting(facts)
+    if odd is not None and odd.camera in names:
+        of_odd = support("metadata.odd_mounting")
+        hypotheses.append(Hypothesis("extrinsic_rotation", "metadata", of_odd, odd.magnitude, "deg"))
+    # The first of the units is the commonest.
+    units = mounting_units(facts) if names and subject in _WITH_PARALLAX else ()
+    hypotheses += [
+        Hypothesis("lever_arm", "metadata", support("metadata.mounting_too_far"), fault.magnitude, "m")
+        for fault in units[:1]
+    ]
+    return tuple(dict.fromkeys(hypotheses))
+
+
+def transposed_hypothesis(facts: Facts) -> Hypothesis:
+    """Return the principal points at 0, 0 of cameras with a transposed K as a cause."""
+    size_px = transposed(facts).magnitude
+    return Hypothesis("intrinsics_centre", "metadata", support("metadata.transposed_K"), size_px, "px")
+
+
+def transposed(facts: Facts) -> TransposedIntrinsics:
+    """Return the fault by which K is transposed, with the largest displacement of a principal point."""
+    cameras = [camera for camera in facts.declared.cameras.values() if is_transposed(camera.K)]
+    # The principal point stands in the last row.
+    centres_px = (signed_length((-camera.K[2, 0], -camera.K[2, 1])) for camera in cameras)
+    return TransposedIntrinsics(min(centres_px, default=0.0))
+
+
+def other_sizes(facts: Facts) -> tuple[IntrinsicsOfSize, ...]:
+    """Return the cameras whose K may be that of an image of another camera's size.
+
+    It is where it equals that of the other camera, which has another size, or where the principal point lies outside of
+    the own image, and inside of the other one.
+    """
+    cameras = facts.declared.cameras
+    return tuple(
+        IntrinsicsOfSize(name, other.width, other.height, 100 * (other.width / camera.width - 1))
+        for name, camera in cameras.items()
+        for other_name, other in cameras.items()
+        if other_name != name
+        and other.width != camera.width
+        and (np.array_equal(camera.K, other.K) or not _centre_inside(camera, camera))
+        and _centre_inside(camera, other)
+        # Where both have one K, it is that of the image in the middle of which the principal point lies.
+        and _from_middle(camera, camera) > _from_middle(camera, other)
+    )
+
+
+def _centre_inside(camera: Camera, image: Camera) -> bool:
+    """Whether the principal point of a camera lies inside of the image of this or another one."""
+    return bool(abs(camera.K[0, 2] - (image.width - 1) / 2) <= image.width / 2
+                and abs(camera.K[1, 2] - (image.height - 1) / 2) <= image.height / 2)  # fmt: skip
+
+
+def _from_middle(camera: Camera, image: Camera) -> float:
+    """Return the distance of a camera's principal point from the middle of an image, in widths of it."""
+    right_px, down_px = camera.K[0, 2] - (image.width - 1) / 2, camera.K[1, 2] - (image.height - 1) / 2
+    return hypot(right_px, down_px) / image.width
+
+
+def mounting_units(facts: Facts) -> tuple[MountingUnit, ...]:
+    """Return the units in which positions of the cameras may be declared; none where they are near the body."""
+    distances_m = (float(np.linalg.norm(camera.T_body_camera[:3, 3])) for camera in facts.declared.cameras.values())
+    farthest_m = max(distances_m, default=0.0)
+    if not _FARTHEST_M < farthest_m < np.inf:
+        return ()
+    return tuple(MountingUnit(unit, farthest_m * (1 - 1 / unit)) for unit in _UNITS if farthest_m / unit < _FARTHEST_M)
+
+
+def odd_centres(facts: Facts) -> tuple[PrincipalPointShift, ...]:
+    """Return the principal points that are probably declared wrongly, by how much they are too far right and down.
+
+    They are those by another convention than the layout's, (W-1)/2, and the one that follows no convention where those
+    of all other cameras do. A principal point that is declared wrongly follows a convention with probability 0, a
+    correct one of a designed camera always does (Bayes, for any prior): that one is wrong sooner than an image is.
+    """
+    cameras = facts.declared.cameras
+    offsets_px = {name: convention_offset_px(camera) for name, camera in cameras.items()}
+    shifts = [PrincipalPointShift("metadata", px, px, name) for name, px in offsets_px.items() if px]
+    odd = [name for name, camera in cameras.items() if not is_chosen(camera, "intrinsics_centre")]
+    if len(odd) == 1 and len(cameras) > 1:
+        camera, common_px = cameras[odd[0]], {px for name, px in offsets_px.items() if name != odd[0]}
+        by_px = common_px.pop() if len(common_px) == 1 else 0.0
+        right_px, down_px = (float(camera.K[i, 2]) - (size - 1) / 2 - by_px
+                             for i, size in enumerate((camera.width, camera.height)))  # fmt: skip
+        if np.isfinite([right_px, down_px]).all() and not is_transposed(camera.K):
+            shifts.append(PrincipalPointShift("metadata", right_px, down_px, odd[0]))
+    return tuple(shifts)
+
+
+def hypotheses_of_centres(facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the largest of these displacements as the cause of a shift; none where there is none."""
+    shifts = odd_centres(facts)
+    if not shifts:
+        return ()
+    size_px = max((shift.magnitude for shift in shifts), key=abs)
+    return (Hypothesis("intrinsics_centre", "metadata", support("metadata.centre_apart"), size_px, "px"),)
 
 
 def is_chosen(camera: Camera, cause: str) -> bool:
@@ -102,14 +251,6 @@ def odd_mounting(facts: Facts) -> MountingRotation | None:
     R = other.T_body_camera[:3, :3].T @ cameras[name].T_body_camera[:3, :3]
     x_deg, y_deg, z_deg = (float(angle) for angle in Rotation.from_matrix(R).as_rotvec(degrees=True))
     return MountingRotation("metadata", (x_deg, y_deg, z_deg), name)
-
-
-def hypotheses_of_mountings(facts: Facts, compared: Collection[str]) -> tuple[Hypothesis, ...]:
-    """Return the mounting of one of the compared cameras as a cause, where it differs from those of all others."""
-    odd = odd_mounting(facts)
-    if odd is None or odd.camera not in compared:
-        return ()
-    return (Hypothesis("extrinsic_rotation", "metadata", support("metadata.odd_mounting"), odd.magnitude, "deg"),)
 
 
 def _has_axes_of(camera1: Camera, camera2: Camera) -> bool:

@@ -17,9 +17,9 @@ from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
-from fedora_qa.diagnosis.declared_cameras import hypotheses_of_mountings
+from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
-from fedora_qa.diagnosis.measured_sizes import hypotheses_of_conventions, rgb_px_per_event_px
+from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
 from fedora_qa.diagnosis.vetoes import places_of_clocks
 from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ShiftFieldFit, ShiftFieldModel
 from fedora_qa.faults.fault import signed_length
@@ -160,7 +160,7 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         *_rates(estimate, courses.drift),
         wrong_model,
         # Events of a shifted image come before or after the edge by the shift over its speed.
-        *hypotheses_of_conventions(facts),
+        *hypotheses_of_centres(facts),
     )
 
 
@@ -304,8 +304,7 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
                        None if right_px is None else error_px),
             Hypothesis("spatial_offset", "rgb", of_shift * _of_alignment("frames_offset"), frames_px, "px"),
             *others,
-            *(hypotheses_of_conventions(facts) or (centre,)),
-            *hypotheses_of_mountings(facts, ("events", "rgb")),
+            *(hypotheses_of_centres(facts) or (centre,)),
         )  # fmt: skip
     of_frames: tuple[Hypothesis, ...] = ()
     if rule == "stretch":

@@ -10,7 +10,6 @@ from fedora_qa.causes import CAUSES
 from fedora_qa.checks.flow_events.sharpness import SharpestFlow
 from fedora_qa.checks.flow_photometric.rate_statistics import RateResidual, TemplateExplanation
 from fedora_qa.checks.flow_rates.composition import COPIES, RatePairsOff
-from fedora_qa.diagnosis.declared_cameras import hypotheses_of_mountings
 from fedora_qa.diagnosis.hypothesis import Hypothesis, most_probable, support, support_of_extent, weakened
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -297,10 +296,9 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     by_templates = _template_hypotheses(
         rate, {feature.template: feature for feature in features if isinstance(feature, TemplateExplanation)}, flow
     )
-    of_mountings = hypotheses_of_mountings(facts, ("rgb", "depth"))
     if not rate.deviating_fields:
         unknown = Hypothesis("unknown", flow, support("flow_photometric.unknown"))
-        return most_probable([*by_templates, *of_mountings]) or (unknown,)
+        return most_probable(by_templates) or (unknown,)
     # Faults of single frames do not cause one gain in most fields.
     deviating_share = 1.0 if rate.has_common_gain else rate.deviating_fields / rate.fields
     trials = [feature for feature in features if isinstance(feature, ConventionTrial)]
@@ -320,7 +318,7 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         Hypothesis(cause, flow if stream == "flow" else stream, displaced)
         for cause, stream in _DISPLACED_AGAINST_FRAMES
     )
-    return most_probable([*by_trials, *by_templates, *of_mountings]) + displacements
+    return most_probable([*by_trials, *by_templates]) + displacements
 
 
 def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplanation], flow: str) -> list[Hypothesis]:

@@ -1,10 +1,7 @@
-"""Sizes of faults that results and declarations state: deviations, vectors, other centres of pixels."""
+"""Sizes of faults that results state: deviations and vectors."""
 
 from collections.abc import Mapping
-from math import hypot
 
-from fedora_qa.checks.metadata.cameras import convention_offset_px
-from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.faults.fault import Vector3
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.facts import Facts
@@ -67,17 +64,3 @@ def rgb_px_per_event_px(facts: Facts) -> float:
     cameras = facts.declared.cameras
     # A direction moves by f times its tangent in either image.
     return float(cameras["rgb"].K[0, 0] / cameras["events"].K[0, 0]) if {"rgb", "events"} <= cameras.keys() else 1.0
-
-
-def convention_offsets_px(facts: Facts) -> dict[str, float]:
-    """Return by how much the principal point of a camera is too far right and down, by camera that deviates."""
-    offsets_px = {name: convention_offset_px(camera) for name, camera in facts.declared.cameras.items()}
-    return {name: offset_px for name, offset_px in offsets_px.items() if offset_px}
-
-
-def hypotheses_of_conventions(facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return principal points by another convention as the cause of a shift; none where all follow the layout's."""
-    offset_px = max(convention_offsets_px(facts).values(), default=0.0)
-    of_convention = support("metadata.centre_by_other_convention")
-    size_px = hypot(offset_px, offset_px)
-    return (Hypothesis("intrinsics_centre", "metadata", of_convention, size_px, "px"),) if offset_px else ()

@@ -8,6 +8,7 @@ from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint, Rect
 from fedora_qa.checks.metadata.complete import DeclarationDefect
 from fedora_qa.checks.metadata.units import UnitLabel
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.declared_cameras import transposed, transposed_hypothesis
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, over_all_rates, support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import is_flow_stream
@@ -74,7 +75,10 @@ def propose_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             return (Hypothesis("lever_arm", "metadata", support("metadata.centres_apart"), statistic.value, "m"),)
         case "rectify_map" | "rectify_map_defined":
             return (_of_rectify_map(statistic),)
-    return (Hypothesis("unknown", "metadata", support("metadata.form_of_K")),)
+    is_known = bool(transposed(facts).magnitude)
+    return (
+        transposed_hypothesis(facts) if is_known else Hypothesis("unknown", "metadata", support("metadata.form_of_K")),
+    )
 
 
 def _of_rectify_map(statistic: Statistic) -> Hypothesis:

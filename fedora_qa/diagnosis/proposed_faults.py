@@ -14,10 +14,9 @@ from fedora_qa.checks.event_response.alignment import CameraErrorFits
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
-from fedora_qa.diagnosis.declared_cameras import odd_mounting
+from fedora_qa.diagnosis.declared_cameras import mounting_units, odd_centres, odd_mounting, other_sizes, transposed
 from fedora_qa.diagnosis.measured_sizes import (
     Results,
-    convention_offsets_px,
     deviation,
     flow_vector,
     measured,
@@ -328,6 +327,8 @@ def _camera_errors(fit: FittedCause, models: Collection[ShiftFieldModel]) -> Ite
 
 
 def _focal_length(fit: FittedCause) -> Faults:
+    if fit.stream == "metadata":
+        yield from other_sizes(fit.facts)
     for best in islice(_camera_errors(fit, FOCAL_MODELS), 1):
         # Events whose image is wider by k: f' = f / (1 + k) of the event camera, or f' = f (1 + k) of that of colour.
         wider = [1 + gain for gain in best.focal_gains]
@@ -340,8 +341,9 @@ def _focal_length(fit: FittedCause) -> Faults:
 
 def _principal_point(fit: FittedCause) -> Faults:
     if fit.stream == "metadata":
-        for name, offset_px in convention_offsets_px(fit.facts).items():
-            yield cameras.PrincipalPointShift("metadata", offset_px, offset_px, name)
+        if (by_transposing := transposed(fit.facts)).from_centre_px:
+            yield by_transposing
+        yield from odd_centres(fit.facts)
     u, v = _fitted_vector(fit) or flow_vector("centre", ("u", "v"), fit.stream, fit.results)
     along_axes = ((fit.size, 0.0), (0.0, fit.size))
     for camera in _suspected_cameras(fit):
@@ -426,6 +428,8 @@ def _lever_arm(fit: FittedCause) -> Faults:
     if fit.stream == "pose" and arm:
         # The arm of the IMU from the point of the poses is measured: that of the point of the poses is its opposite.
         yield motion.PoseLeverArm((-arm[0], -arm[1], -arm[2]))
+    if fit.stream == "metadata":
+        yield from mounting_units(fit.facts)
 
 
 def _channel_order(fit: FittedCause) -> Faults:

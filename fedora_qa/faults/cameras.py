@@ -6,7 +6,7 @@ wrong and the declared camera, so that noise of the poses cancels to first order
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from fedora_qa.sequence.sequence import SequenceRows
 
 Float64 = NDArray[np.float64]
 Change = Callable[[Camera], Camera]
+
+_ROUNDING: Final = 1e-6
+"""Rounding of a K that was stored in float32, as in ``metadata.cameras``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +122,102 @@ class PrincipalPointShift:
 
 
 @dataclass(frozen=True, slots=True)
+class TransposedIntrinsics:
+    """Cameras are declared with the transposed K, as libraries that multiply rows by matrices store it.
+
+    Attributes
+    ----------
+    from_centre_px
+        By how much principal points at 0, 0 are too far right and down: negative.
+    """
+
+    from_centre_px: float = 0.0
+    cause: ClassVar[str] = "intrinsics_centre"
+    stream: ClassVar[str] = "metadata"
+
+    @property
+    def magnitude(self) -> float | None:
+        """Displacement of the principal point, px."""
+        return self.from_centre_px or None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Transpose K of all cameras."""
+        return _declared(facts, "K is transposed", lambda camera: replace(camera, K=camera.K.T), None)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Transpose the K that has the form of a K only once it is transposed."""
+        return _declared(
+            facts,
+            "K transposed back",
+            lambda camera: replace(camera, K=camera.K.T) if is_transposed(camera.K) else camera,
+            None,
+        )
+
+
+def is_transposed(K: Float64) -> bool:
+    """Whether K is not [fx 0 cx; 0 fy cy; 0 0 1], and its transpose is."""
+    return not _has_form(K) and _has_form(K.T)
+
+
+def _has_form(K: Float64) -> bool:
+    # Without skew: the entries below the diagonal, and the one beside it, are 0.
+    zeros = K[1, 0], K[2, 0], K[2, 1], K[0, 1]
+    return bool(np.allclose(zeros, 0.0, rtol=0.0, atol=_ROUNDING) and abs(K[2, 2] - 1.0) <= _ROUNDING)
+
+
+@dataclass(frozen=True, slots=True)
+class IntrinsicsOfSize:
+    """K of a camera is that of an image of another size with the same view.
+
+    Attributes
+    ----------
+    camera
+        The declared camera.
+    width, height
+        Of the other image, px. Pixels are square, so that the ratio of the widths is that of the focal lengths, and the
+        middles of both images coincide.
+    percent
+        Excess of the focal length.
+    """
+
+    camera: str
+    width: int
+    height: int
+    percent: float
+    cause: ClassVar[str] = "intrinsics_focal"
+    stream: ClassVar[str] = "metadata"
+
+    @property
+    def magnitude(self) -> float:
+        """Excess of the focal length, percent."""
+        return self.percent
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare K of the other size."""
+        return self._scaled(facts, f"K of {self.camera} is that of {self.width} x {self.height} px", forward=True)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare K of the size of the camera."""
+        return self._scaled(
+            facts, f"K of {self.camera} from {self.width} x {self.height} px to its size", forward=False
+        )
+
+    def _scaled(self, facts: Facts, description: str, *, forward: bool) -> Fault:
+        def change(camera: Camera) -> Camera:
+            own, other = _of_size(camera.width, camera.height), _of_size(self.width, self.height)
+            # K of an image = (pixels of the image from its middle, in widths) x (a K that no size enters).
+            to, of = (other, own) if forward else (own, other)
+            return replace(camera, K=to @ np.linalg.solve(of, camera.K))
+
+        return _declared(facts, description, change, self.camera)
+
+
+def _of_size(width: int, height: int) -> Float64:
+    """Return the matrix from coordinates about the middle of an image, in widths of it, to its pixels."""
+    return np.array([[width, 0.0, (width - 1) / 2], [0.0, width, (height - 1) / 2], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, slots=True)
 class MountingRotation:
     """Cameras are rotated in their mounting: ``R_body_camera' = R_body_camera Exp(rotation)``.
 
@@ -191,6 +290,44 @@ class MountingLeverArm:
         shift = np.zeros((4, 4))
         shift[:3, 3] = sign * np.array(self.arm_body_m)
         return lambda camera: replace(camera, T_body_camera=camera.T_body_camera + shift)
+
+
+@dataclass(frozen=True, slots=True)
+class MountingUnit:
+    """Positions of the cameras on the body are declared in another unit than metres.
+
+    Attributes
+    ----------
+    factor
+        Declared over correct value: 1000 for millimetres.
+    distance_m
+        Declared less correct distance of the farthest camera from the origin of the body.
+    """
+
+    factor: float
+    distance_m: float = 0.0
+    cause: ClassVar[str] = "lever_arm"
+    stream: ClassVar[str] = "metadata"
+
+    @property
+    def magnitude(self) -> float | None:
+        """Displacement of the farthest camera, m."""
+        return self.distance_m or None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Multiply the positions."""
+        description = f"cameras are declared {self.factor:.6g} times too far from the body"
+        return _declared(facts, description, self._by(self.factor), None)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Divide the positions."""
+        description = f"positions of the cameras on the body divided by {self.factor:.6g}"
+        return _declared(facts, description, self._by(1 / self.factor), None)
+
+    def _by(self, gain: float) -> Change:
+        gains = np.ones((4, 4))
+        gains[:3, 3] = gain
+        return lambda camera: replace(camera, T_body_camera=camera.T_body_camera * gains)
 
 
 def _planted(

@@ -1,14 +1,135 @@
-"""A camera of a rig whose axes are not those of the others."""
+"""An improbable declaration of a camera is proposed with its correction, and a correct one is not."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.diagnosis.declared_cameras import hypotheses_of_mountings, odd_mounting
+from fedora_qa.causes import CAUSES
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.declared_cameras import odd_mounting, of_declared_cameras
+from fedora_qa.diagnosis.metadata import propose_cameras
+from fedora_qa.diagnosis.proposed_faults import faults_for
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.record.types import Finding, Where
+from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from tests.support.memory_sequence import facts_of, memory_sequence
+
+ALL = ("rgb", "depth", "events")
+
+
+def alarm(code: str) -> Alarm:
+    return Alarm(Finding("F1", code, "error", "off", Where()), Statistic("toy", 1.0, "1", 0.0, "off", code, Where()))
+
+
+def declared(facts: Facts, change: Callable[[Camera], Camera], names: tuple[str, ...]) -> Facts:
+    cameras = {name: change(camera) if name in names else camera for name, camera in facts.declared.cameras.items()}
+    return replace(facts, declared=replace(facts.declared, cameras=cameras))
+
+
+def transposed(camera: Camera) -> Camera:
+    return replace(camera, K=camera.K.T)
+
+
+def times(factor: float) -> Callable[[Camera], Camera]:
+    """Cameras 0.1 m ahead of the origin of the body, in another unit."""
+
+    def change(camera: Camera) -> Camera:
+        T = camera.T_body_camera.copy()
+        T[:3, 3] = factor * np.array([0.1, 0.0, -0.03])
+        return replace(camera, T_body_camera=T)
+
+    return change
+
+
+def of_twice_the_size(camera: Camera) -> Camera:
+    """K of an image of twice the size: pixel centres at (i + 1/2) / 2 - 1/2."""
+    K = np.diag([2.0, 2.0, 1.0]) @ camera.K
+    K[:2, 2] += 0.5
+    return replace(camera, K=K)
+
+
+def facts_with_sizes() -> Facts:
+    """Colour and depth of twice the size of the events, with principal points in the middle."""
+    facts = facts_of(memory_sequence())
+    events = facts.declared.cameras["events"]
+    K = events.K.copy()
+    K[:2, 2] = (events.width - 1) / 2, (events.height - 1) / 2
+    events = replace(events, K=K)
+    larger = replace(of_twice_the_size(events), width=2 * events.width, height=2 * events.height)
+    cameras = {"rgb": larger, "depth": larger, "events": events}
+    return replace(facts, declared=replace(facts.declared, cameras=cameras))
+
+
+CASES = [
+    ("flow_geometry.endpoint.error", transposed, ALL, "intrinsics_centre"),
+    ("event_response.alignment.shift", transposed, ("rgb",), "intrinsics_centre"),
+    ("depth.scale.factor", times(1000.0), ALL, "lever_arm"),
+    ("depth.consistency.frame", times(100.0), ALL, "lever_arm"),
+    ("event_response.orientation.unrelated", of_twice_the_size, ("events",), "intrinsics_focal"),
+]
+
+
+@pytest.mark.parametrize(("code", "change", "names", "cause"), CASES)
+def test_a_declaration_is_corrected(
+    code: str, change: Callable[[Camera], Camera], names: tuple[str, ...], cause: str
+) -> None:
+    """The cause is proposed with its size, and one of the first faults that are undone leads back to the cameras."""
+    correct = declared(facts_with_sizes(), times(1.0), ALL)
+    facts = declared(correct, change, names)
+    (hypothesis,) = of_declared_cameras(alarm(code), facts)
+    assert (hypothesis.cause, hypothesis.stream, hypothesis.unit) == (cause, "metadata", CAUSES[cause].unit)
+    undone = [
+        fault.undo(facts, memory_sequence()).declared
+        for fault in list(faults_for(cause, "metadata", hypothesis.magnitude, (), {}, facts))[:2]
+    ]
+    assert any(each is not None and are_alike(each.cameras, correct.declared.cameras) for each in undone)
+
+
+def are_alike(some: Mapping[str, Camera], others: Mapping[str, Camera]) -> bool:
+    return all(
+        np.allclose(some[name].K, camera.K) and np.allclose(some[name].T_body_camera, camera.T_body_camera)
+        for name, camera in others.items()
+    )
+
+
+@pytest.mark.parametrize("code", [case[0] for case in CASES])
+def test_correct_cameras_propose_nothing(code: str) -> None:
+    """Neither cameras of other sizes on a body, nor a crop whose K follows it, are improbable."""
+    facts = declared(facts_with_sizes(), times(1.0), ALL)
+    assert of_declared_cameras(alarm(code), facts) == ()
+
+    def cropped(camera: Camera) -> Camera:
+        K = camera.K.copy()
+        K[0, 2] -= 3.0
+        return replace(camera, K=K, width=camera.width - 6)
+
+    assert of_declared_cameras(alarm(code), declared(facts, cropped, ("events",))) == ()
+
+
+def test_a_camera_concerns_the_checks_that_use_it() -> None:
+    """K of the events that is wrong is no cause of a contradiction between depth and poses."""
+    facts = declared(facts_with_sizes(), of_twice_the_size, ("events",))
+    assert of_declared_cameras(alarm("depth.scale.factor"), facts) == ()
+    assert of_declared_cameras(alarm("imu.rotation.residual"), facts) == ()
+
+
+def test_only_a_transposed_matrix_is_named() -> None:
+    """K with skew has no known cause."""
+    facts, code = facts_with_sizes(), "metadata.cameras.K_form"
+    (hypothesis,) = propose_cameras(alarm(code), declared(facts, transposed, ("rgb",)))
+    assert hypothesis.cause == "intrinsics_centre"
+
+    def with_skew(camera: Camera) -> Camera:
+        K = camera.K.copy()
+        K[0, 1] = 0.5
+        return replace(camera, K=K)
+
+    (hypothesis,) = propose_cameras(alarm(code), declared(facts, with_skew, ("rgb",)))
+    assert hypothesis.cause == "unknown"
 
 
 def rig(**rotations_deg: tuple[float, float, float]) -> Facts:
@@ -34,9 +155,10 @@ def test_the_odd_camera_is_told_with_its_rotation(name: str) -> None:
     assert undone is not None
     first, *others = (camera.T_body_camera[:3, :3] for camera in undone.cameras.values())
     assert all(np.allclose(first, other, atol=1e-12) for other in others)
-    (hypothesis,) = hypotheses_of_mountings(facts, (name,))
+    (hypothesis,) = of_declared_cameras(alarm("alignment.depth.shift"), facts)
     assert hypothesis.magnitude == pytest.approx(-np.linalg.norm((0.31, -1.27, 0.83)))
-    assert hypotheses_of_mountings(facts, {"rgb", "depth", "events"} - {name}) == ()
+    # Flow and poses are compared by the depth camera alone.
+    assert bool(of_declared_cameras(alarm("flow_geometry.endpoint.error"), facts)) == (name == "depth")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import NS_PER_MS
-from fedora_qa.diagnosis.measured_sizes import hypotheses_of_conventions
+from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
 from fedora_qa.diagnosis.proposed_faults import faults_for, is_length_unit, is_testable
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.faults.axes import VectorAxes
@@ -23,6 +23,7 @@ from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.record.types import Finding, Measurement, Result, Where
+from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_comparison import FlowParameterFit
 from fedora_qa.views.inertial_agreement import InertialConventionTrial
 from tests.support.memory_sequence import facts_of, memory_sequence
@@ -142,20 +143,34 @@ def test_both_components_of_a_shift_of_flow_are_undone() -> None:
         assert faults == [*whole, PixelShift("flow", *components)]
 
 
-@pytest.mark.parametrize(("convention_px", "offset_px"), [(0.5, 0.5), (1.0, 1.0), (0.0, None), (0.3, None)])
-def test_a_principal_point_by_another_convention_is_moved_back(convention_px: float, offset_px: float | None) -> None:
-    """That of W/2 of one camera is the first to be tried; a distance of no convention proposes nothing."""
-    facts = facts_of(memory_sequence())
-    events = facts.declared.cameras["events"]
-    K = events.K.copy()
-    K[:2, 2] = (events.width - 1) / 2 + convention_px, (events.height - 1) / 2 + convention_px
-    cameras = {**facts.declared.cameras, "events": replace(events, K=K)}
-    facts = replace(facts, declared=replace(facts.declared, cameras=cameras))
-    hypotheses = hypotheses_of_conventions(facts)
+@pytest.mark.parametrize("offset_px", [0.5, 1.0, 0.3, -4.7])
+def test_a_principal_point_by_another_convention_or_by_none_is_moved_back(offset_px: float) -> None:
+    """That of W/2 of one camera is the first to be tried, and one that lies apart from those of all other cameras."""
+    facts = with_camera(facts_of(memory_sequence()), "events", from_middle_px=offset_px)
     first = next(faults_for("intrinsics_centre", "metadata", 0.5, (), {}, facts))
-    by_convention = None if offset_px is None else PrincipalPointShift("metadata", offset_px, offset_px, "events")
-    assert [each.magnitude for each in hypotheses] == ([] if by_convention is None else [by_convention.magnitude])
-    assert (first == by_convention) == (by_convention is not None)
+    assert isinstance(first, PrincipalPointShift)
+    assert first.camera == "events"
+    assert (first.columns_px, first.rows_px) == pytest.approx((offset_px, offset_px))
+    assert [each.magnitude for each in hypotheses_of_centres(facts)] == pytest.approx([first.magnitude])
+
+
+def test_principal_points_of_calibrations_propose_nothing() -> None:
+    """Where two cameras have one by no convention, as cameras that were measured do, or none has, no camera is odd."""
+    facts = with_camera(facts_of(memory_sequence()), "depth", from_middle_px=0.0)
+    assert not hypotheses_of_centres(facts)
+    both = with_camera(with_camera(facts, "depth", from_middle_px=-1.2), "events", from_middle_px=0.3)
+    assert not hypotheses_of_centres(both)
+
+
+def with_camera(facts: Facts, name: str, *, from_middle_px: float) -> Facts:
+    """Return facts with the principal point of one camera so far right of the middle and down."""
+    cameras = {}
+    for key, camera in facts.declared.cameras.items():
+        K = camera.K.copy()
+        if key == name:
+            K[:2, 2] = (camera.width - 1) / 2 + from_middle_px, (camera.height - 1) / 2 + from_middle_px
+        cameras[key] = replace(camera, K=K)
+    return replace(facts, declared=replace(facts.declared, cameras=cameras))
 
 
 @pytest.mark.parametrize(("offset_ms", "other_ms"), [(2.0, -18.0), (-9.0, 11.0)])

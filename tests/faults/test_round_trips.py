@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.faults.axes import CameraAxes, RectificationAxes, VectorAxes
-from fedora_qa.faults.cameras import FocalLength, MountingLeverArm, MountingRotation, PrincipalPointShift
+from fedora_qa.faults.cameras import (
+    FocalLength,
+    IntrinsicsOfSize,
+    MountingLeverArm,
+    MountingRotation,
+    MountingUnit,
+    PrincipalPointShift,
+    TransposedIntrinsics,
+)
 from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
 from fedora_qa.faults.declarations import (
     EventModelMisdeclared,
@@ -145,6 +153,9 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(PrincipalPointShift, made_with_camera, st.floats(-3, 3), st.floats(-3, 3)), rounded),
     (st.builds(MountingRotation, made_with_camera, vectors), rounded),
     (st.builds(MountingLeverArm, vectors), rounded),
+    (st.builds(MountingUnit, st.sampled_from([100.0, 1000.0])), rounded),
+    (st.just(TransposedIntrinsics()), exact),
+    (st.builds(IntrinsicsOfSize, st.just("events"), st.integers(20, 900), st.integers(20, 900), st.just(0.0)), rounded),
     (st.builds(PoseLeverArm, vectors), rounded),
     (st.builds(QuaternionOrder, st.permutations(range(4)).map(tuple)), exact),
     (st.just(QuaternionInversion()), exact),

@@ -14,7 +14,15 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.faults.axes import CameraAxes, RectificationAxes, VectorAxes
-from fedora_qa.faults.cameras import FocalLength, MountingLeverArm, MountingRotation, PrincipalPointShift
+from fedora_qa.faults.cameras import (
+    FocalLength,
+    IntrinsicsOfSize,
+    MountingLeverArm,
+    MountingRotation,
+    MountingUnit,
+    PrincipalPointShift,
+    TransposedIntrinsics,
+)
 from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
 from fedora_qa.faults.declarations import (
     EventModelMisdeclared,
@@ -444,7 +452,10 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
     K, T = camera.K.copy(), camera.T_body_camera.copy()
     longer = np.array([[1.1 * K[0, 0], 0, K[0, 2]], [0, 1.1 * K[1, 1], K[1, 2]], [0, 0, 1]])
     centre = np.array([[K[0, 0], 0, K[0, 2] + 2], [0, K[1, 1], K[1, 2] - 1], [0, 0, 1]])
-    rolled, forward, bare = T.copy(), T.copy(), np.eye(4)
+    # Of twice the size, the pixel of a centre c covers 2c and 2c + 1, whose middle is at 2c + 1/2.
+    twice = np.array([[2 * K[0, 0], 0, 2 * K[0, 2] + 0.5], [0, 2 * K[1, 1], 2 * K[1, 2] + 0.5], [0, 0, 1]])
+    rolled, forward, bare, far = T.copy(), T.copy(), np.eye(4), T.copy()
+    far[:3, 3] *= 1000
     rolled[:3, :3] = T[:3, :3] @ Rotation.from_euler("z", 5, degrees=True).as_matrix()
     forward[0, 3] += 0.2
     bare[:3, 3] = T[:3, 3]
@@ -452,12 +463,15 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
         "focal": (FocalLength("metadata", 10), replace(camera, K=longer)),
         "centre": (PrincipalPointShift("metadata", 2, -1), replace(camera, K=centre)),
         "rolled": (MountingRotation("metadata", (0, 0, 5)), replace(camera, T_body_camera=rolled)),
+        "transposed": (TransposedIntrinsics(), replace(camera, K=K.T)),
+        "size": (IntrinsicsOfSize("depth", 2 * camera.width, 2 * camera.height, 100.0), replace(camera, K=twice)),
+        "unit": (MountingUnit(1000.0), replace(camera, T_body_camera=far)),
         "lever": (MountingLeverArm((0.2, 0, 0)), replace(camera, T_body_camera=forward)),
         "axes": (CameraAxes(), replace(camera, T_body_camera=bare)),
     }
 
 
-@pytest.mark.parametrize("name", ["focal", "centre", "rolled", "lever", "axes"])
+@pytest.mark.parametrize("name", ["focal", "centre", "transposed", "rolled", "lever", "unit", "axes"])
 def test_declared_cameras_are_put_back(name: str) -> None:
     """All cameras are declared as in the clean sequence."""
     clean = memory_sequence()
@@ -470,12 +484,14 @@ def test_declared_cameras_are_put_back(name: str) -> None:
         np.testing.assert_allclose(undone.cameras[key].T_body_camera, camera.T_body_camera, atol=1e-13)
 
 
-def test_one_declared_camera_is_put_back() -> None:
+@pytest.mark.parametrize("name", ["focal", "size"])
+def test_one_declared_camera_is_put_back(name: str) -> None:
     """A fault of the depth camera alone leaves the others as they are."""
     clean = memory_sequence()
-    wrong = declared_changes(clean.declared.cameras["depth"])["focal"][1]
+    of_all, wrong = declared_changes(clean.declared.cameras["depth"])[name]
+    fault = FocalLength("metadata", 10, "depth") if name == "focal" else of_all
     faulty = clean.altered(declared=replace(clean.declared, cameras={**clean.declared.cameras, "depth": wrong}))
-    undone = FaultySequence(faulty, FocalLength("metadata", 10, "depth").undo(facts_of(faulty), faulty)).declared
+    undone = FaultySequence(faulty, fault.undo(facts_of(faulty), faulty)).declared
     for key, camera in clean.declared.cameras.items():
         np.testing.assert_allclose(undone.cameras[key].K, camera.K, atol=1e-13)
 

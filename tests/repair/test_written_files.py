@@ -10,6 +10,7 @@ import pytest
 from fedora_generator.faults.plant import plant_fault
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
+from fedora_qa.faults.cameras import MountingUnit, TransposedIntrinsics
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import NoiseMisdeclared
 from fedora_qa.faults.fault import ReversibleFault
@@ -102,7 +103,8 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     classes = {each for entry in FAULTS.values() if not isinstance(entry, WithoutInverse) for each in entry}
     assert set(MECHANICAL) == classes
     # Tests of their own: below, and in ``test_repair``.
-    beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared, PoseInversion}
+    beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared, PoseInversion, MountingUnit,
+              TransposedIntrinsics}  # fmt: skip
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
     assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside
 
@@ -167,6 +169,22 @@ def test_the_transfer_curve_is_declared(clean: Path, tmp_path: Path) -> None:
     result = repaired(faulty, TransferMisdeclared("srgb", "linear"))
     assert (result.datasets, result.attributes) == ((), ("path/rgb.transfer = srgb",))
     require_equal(tmp_path / "repaired.h5", true)
+
+
+def test_matrices_of_cameras_are_declared(clean: Path, tmp_path: Path) -> None:
+    """K is transposed back, and positions on the body are in metres again."""
+    for fault, attribute in ((TransposedIntrinsics(), "K"), (MountingUnit(1000.0), "T_body_camera")):
+        faulty = tmp_path / "faulty.h5"
+        faulty.write_bytes(clean.read_bytes())
+        with h5py.File(faulty, "r+") as file:
+            for camera in file["metadata/cameras"].values():
+                matrix = np.array(camera.attrs[attribute])
+                if attribute == "T_body_camera":
+                    matrix[:3, 3] *= 1000.0
+                camera.attrs[attribute] = matrix if attribute == "T_body_camera" else np.ascontiguousarray(matrix.T)
+        assert not repaired(faulty, fault).refusal
+        require_equal(tmp_path / "repaired.h5", clean)
+        (tmp_path / "repaired.h5").unlink()
 
 
 @pytest.mark.parametrize("stream", ["imu", "pose", "events"])
