@@ -90,6 +90,8 @@ def gather_candidates(
         Of the findings.
     """
     evidence: dict[tuple[str, str], dict[str, Hypothesis]] = defaultdict(dict)
+    # Best hypotheses whose size has a sign, by that sign.
+    by_sign: dict[tuple[str, str, str, bool], Hypothesis] = {}
     for finding, of_finding in hypotheses.items():
         for hypothesis in of_finding:
             # A factor that is the ratio of no two units is an error of scale, which has no name.
@@ -99,6 +101,10 @@ def gather_candidates(
                 best = evidence[hypothesis.cause, hypothesis.stream]
                 if finding not in best or _fit(best[finding]) < _fit(hypothesis):
                     best[finding] = hypothesis
+                if hypothesis.magnitude:
+                    key = hypothesis.cause, hypothesis.stream, finding, hypothesis.magnitude > 0
+                    if key not in by_sign or _fit(by_sign[key]) < _fit(hypothesis):
+                        by_sign[key] = hypothesis
     # A fault of all rates of flow also explains the findings of one rate.
     for cause, stream in list(evidence):
         if stream == stream_family(stream):
@@ -109,12 +115,17 @@ def gather_candidates(
     _add_findings_of_any_cause(evidence, hypotheses)
     candidates = []
     for (cause, stream), of_cause in evidence.items():
-        # One fault shifts or scales in one direction: sizes of the sign with less support are left out. Each check
-        # counts once, however many of its findings have a size.
+        # One fault shifts or scales in one direction: sizes of the sign with less support are left out, or replaced by
+        # the best of the other sign for the same finding. Each check counts once, however many of its findings have a
+        # size.
         signs = {finding: (h.magnitude or 0.0) > 0 for finding, h in of_cause.items() if h.magnitude}
         support = {s: sum(of_cause[f].support * weights[f] for f in signs if signs[f] is s) for s in (True, False)}
         sign = support[True] >= support[False]
-        of_one_sign = {finding: h for finding, h in of_cause.items() if signs.get(finding, sign) is sign}
+        of_one_sign = {
+            finding: chosen
+            for finding, h in of_cause.items()
+            if (chosen := h if signs.get(finding, sign) is sign else by_sign.get((cause, stream, finding, sign)))
+        }
         if of_one_sign:
             candidates.append(CauseCandidate(cause, stream, of_one_sign, weights))
     return candidates

@@ -31,6 +31,7 @@ from fedora_qa.diagnosis.direct import check_of_code, clears_by_construction, is
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
 from fedora_qa.diagnosis.vetoes import ClockPlace, contradicts
+from fedora_qa.faults.fault import ReversibleFault, is_of_part
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis
 
@@ -146,7 +147,7 @@ def choose_causes(
         size, trial = best.size, trials.get(best.key)
         magnitude = size.magnitude
         if trial is not None and trial.cleared:
-            magnitude = trial.size or _size_by_trial(best.cause, magnitude, trial.fault.magnitude)
+            magnitude = trial.size or _size_by_trial(best.cause, magnitude, trial.fault)
         diagnoses.append(
             Diagnosis(
                 id=f"D{len(diagnoses) + 1}",
@@ -201,12 +202,14 @@ def key_of(diagnosis: Diagnosis) -> tuple[str, str]:
     return diagnosis.cause, diagnosis.stream
 
 
-def _size_by_trial(cause: str, fitted: float | None, of_fault: float | None) -> float | None:
+def _size_by_trial(cause: str, fitted: float | None, fault: ReversibleFault) -> float | None:
     """Return the size of a cause whose fault was undone: that of the fault where the fitted one does not state it.
 
-    An offset from frames is known up to their step, and the trial decides which one it is.
+    An offset from frames is known up to their step, and the trial decides which one it is. A rate that is fitted to the
+    whole sequence is not that of the part in which the clock had it.
     """
-    if cause in _VECTORS or fitted is None:
+    of_fault = fault.magnitude
+    if cause in _VECTORS or fitted is None or (cause == "clock_rate" and is_of_part(fault)):
         return of_fault
     is_of_another_step = cause == "time_offset" and of_fault is not None and not isclose(of_fault, fitted)
     return of_fault if is_of_another_step else fitted

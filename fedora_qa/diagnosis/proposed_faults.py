@@ -23,7 +23,7 @@ from fedora_qa.diagnosis.measured_sizes import (
     rgb_px_per_event_px,
     vector,
 )
-from fedora_qa.estimators.clocks.regular_clock import DisplacedSegment, displaced_part
+from fedora_qa.estimators.clocks.regular_clock import DisplacedSegment, SlewedSegment, displaced_part, slewed_part
 from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ROTATION_MODELS, ShiftFieldFit, ShiftFieldModel
 from fedora_qa.faults import (
     axes,
@@ -142,7 +142,15 @@ def is_length_unit(factor: float) -> bool:
 def _displaced_part(fit: FittedCause) -> DisplacedSegment | None:
     """Return the part of an otherwise exact clock whose timestamps were displaced; None without one."""
     clock = fit.facts.clocks.get(fit.stream)
-    return None if clock is None else displaced_part(clock.times_ns, resolution_ns=NS_PER_US)
+    if clock is None or _slewed_part(fit) is not None:
+        return None
+    return displaced_part(clock.times_ns, resolution_ns=NS_PER_US)
+
+
+def _slewed_part(fit: FittedCause) -> SlewedSegment | None:
+    """Return the part in which an otherwise exact clock was slewed; None without one."""
+    clock = fit.facts.clocks.get(fit.stream)
+    return None if clock is None else slewed_part(clock.times_ns, resolution_ns=NS_PER_US)
 
 
 def _clock_shift(fit: FittedCause) -> Faults:
@@ -163,6 +171,10 @@ def _clock_shift(fit: FittedCause) -> Faults:
 
 
 def _clock_rate(fit: FittedCause) -> Faults:
+    slewed = _slewed_part(fit)
+    if slewed is not None:
+        # Undone in the whole file, the rate would displace the timestamps before and after.
+        yield clocks.ClockRate(fit.stream, 1e6 * slewed.drift, slewed.start_ns, duration_ns=slewed.duration_ns)
     part = _displaced_part(fit)
     if part is not None and part.drift:
         times_ns = fit.facts.clocks[fit.stream].times_ns

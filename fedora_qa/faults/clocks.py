@@ -73,7 +73,7 @@ class ClockShift:
 
 @dataclass(frozen=True, slots=True)
 class ClockRate:
-    """The clock is fast: ``t' = t + e (t - pivot)``.
+    """The clock is fast: ``t' = t + e (t - pivot)``, or for a while only, after which it keeps its offset.
 
     Attributes
     ----------
@@ -85,12 +85,16 @@ class ClockRate:
         The timestamp that stays, ns from the file's origin.
     rows
         Rows whose timestamps are altered; None: all.
+    duration_ns
+        True time from the pivot for which the clock is fast: times before keep their values, and times after it are
+        late by ``e`` times the duration. None: the clock is fast throughout.
     """
 
     stream: str
     rate_error_ppm: float
     pivot_ns: int = 0
     rows: RowRange | None = None
+    duration_ns: int | None = None
     cause: ClassVar[str] = "clock_rate"
 
     @property
@@ -101,19 +105,28 @@ class ClockRate:
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Stretch the times from the pivot."""
         description = f"the clock of {self.stream} is wrong by {self.rate_error_ppm:.3g} ppm"
-        return _retimed(facts, self, description, self._stretching(1e-6 * self.rate_error_ppm))
+        return _retimed(facts, self, description, self._stretching(1e-6 * self.rate_error_ppm, self.duration_ns))
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Shorten the times from the pivot."""
         # (t' - pivot) / (1 + e) = (t' - pivot) - (t' - pivot) e / (1 + e)
         error = 1e-6 * self.rate_error_ppm
         description = f"the clock of {self.stream} slower by {self.rate_error_ppm:.3g} ppm"
-        fault = _retimed(facts, self, description, self._stretching(-error / (1 + error)))
+        # The fast clock counts (1 + e) times the duration.
+        duration_ns = None if self.duration_ns is None else round((1 + error) * self.duration_ns)
+        fault = _retimed(facts, self, description, self._stretching(-error / (1 + error), duration_ns))
         return with_following_maps(facts, sequence, fault)
 
-    def _stretching(self, rate: float) -> Callable[[Int64], Int64]:
-        # Only the small difference is rounded to float64: times themselves stay whole nanoseconds.
-        return lambda t: t + np.rint(rate * (t - self.pivot_ns)).astype(np.int64)
+    def _stretching(self, rate: float, duration_ns: int | None) -> Callable[[Int64], Int64]:
+        def stretched(times_ns: Int64) -> Int64:
+            elapsed_ns = times_ns - self.pivot_ns
+            if duration_ns is not None:
+                elapsed_ns = np.clip(elapsed_ns, 0, duration_ns)
+            # Only the small difference is rounded to float64: times themselves stay whole nanoseconds.
+            moved_ns: Int64 = times_ns + np.rint(rate * elapsed_ns).astype(np.int64)
+            return moved_ns
+
+        return stretched
 
 
 @dataclass(frozen=True, slots=True)

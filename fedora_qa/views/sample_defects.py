@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.clocks.regular_clock import displaced_part, rounding_grid_ns
+from fedora_qa.estimators.clocks.regular_clock import displaced_part, rounding_grid_ns, slewed_part
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.estimators.imu.local_motion import (
     CurvatureEvenness,
@@ -283,6 +283,8 @@ def timestamp_defects(facts: Facts, *streams: str) -> tuple[Feature, ...]:
         times_ns = facts.clocks[stream].times_ns
         if period_ns := rounding_grid_ns(times_ns, resolution_ns=NS_PER_US):
             features.append(SampleClockGrid(stream, period_ns))
+        elif slewed := slewed_part(times_ns, resolution_ns=NS_PER_US):
+            features.append(SampleClockDrift(stream, slewed.drift))
         elif displaced := displaced_part(times_ns, resolution_ns=NS_PER_US):
             if displaced.drift:
                 features.append(SampleClockDrift(stream, displaced.drift))

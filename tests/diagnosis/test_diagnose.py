@@ -65,6 +65,15 @@ def test_sizes_of_either_sign_are_no_one_fault() -> None:
     assert found[1].magnitude == 20.0
 
 
+def test_a_finding_keeps_the_size_of_the_sign_that_the_others_have() -> None:
+    """Two measurements of a rate by one finding, of which the weaker one agrees with the other findings, explain it."""
+    fast, slow = (Hypothesis("clock_rate", "imu", 0.8, size, "ppm") for size in (60.0, -90.0))
+    weaker = Hypothesis("clock_rate", "imu", 0.6, 50.0, "ppm")
+    found = diagnosed([alarm(1, fast), alarm(2, fast), alarm(3, slow, weaker)])
+    assert [(d.cause, d.explains) for d in found] == [("clock_rate", ("F1", "F2", "F3"))]
+    assert (found[0].magnitude or 0) > 0
+
+
 def test_a_size_that_is_not_known_contradicts_nothing() -> None:
     """A hypothesis without a size stands beside those of either sign."""
     early, some = Hypothesis("time_offset", "rgb", 0.9, -2.0, "ms"), Hypothesis("time_offset", "rgb", 0.3)

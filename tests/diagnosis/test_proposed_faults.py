@@ -217,6 +217,27 @@ def test_a_rate_of_a_part_of_a_clock_is_undone_there_first() -> None:
     assert len(whole) == len(list(faults_for("clock_rate", "imu", 300.0, (), {}, facts)))
 
 
+def test_a_slew_is_undone_with_the_offset_that_it_leaves() -> None:
+    """An IMU whose clock runs 20000 ppm fast for a third of the file, and stays ahead, is undone as a part."""
+    facts = facts_of(memory_sequence())
+    clock = facts.clocks["imu"]
+    first_ns, last_ns = int(clock.times_ns[0]), int(clock.times_ns[-1])
+    start_ns, duration_ns = first_ns + (last_ns - first_ns) // 4, (last_ns - first_ns) // 3
+    gained_ns = 0.02 * np.clip(clock.times_ns - start_ns, 0, duration_ns)
+    times_ns = clock.times_ns + 1000 * np.rint(gained_ns / 1000).astype(np.int64)
+    slewed = replace(facts, clocks={**facts.clocks, "imu": replace(clock, times_ns=times_ns)})
+    local, *whole = faults_for("clock_rate", "imu", 300.0, (), {}, slewed)
+    assert isinstance(local, ClockRate)
+    assert is_of_part(local)
+    assert local.rate_error_ppm == pytest.approx(20_000.0, rel=0.01)
+    undo = local.undo(slewed, memory_sequence()).rows[timestamps_of("imu")]
+    undone_ns = undo(lambda start, stop: times_ns[start:stop], 0, len(times_ns))
+    np.testing.assert_allclose(undone_ns, clock.times_ns, rtol=0, atol=2000)
+    assert len(whole) == len(list(faults_for("clock_rate", "imu", 300.0, (), {}, facts)))
+    # No part of it has an offset of its own.
+    assert not any(is_of_part(fault) for fault in faults_for("time_offset", "imu", 1.0, (), {}, slewed))
+
+
 def test_a_convention_of_a_part_is_undone_in_its_place() -> None:
     """Rates in deg/s and exchanged axes from 50 to 150 ms of a file whose clock begins at 7 s."""
     facts = replace(facts_of(memory_sequence()), origin_us=7_000_000.0)

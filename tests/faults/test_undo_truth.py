@@ -213,6 +213,8 @@ EXACT: list[Truth] = [
     (ClockShift("events", 7 * MS), on(lambda t: t + 7 * MS, T)),
     (ClockShift("rgb", -4 * MS), with_maps(on(lambda t: t - 4 * MS, "path/rgb_ts"))),
     (ClockRate("imu", 1000, pivot_ns=0), on(lambda t: t + t // 1000, "path/imu/ts")),
+    (ClockRate("imu", 1000, pivot_ns=20 * MS, duration_ns=50 * MS),
+     on(lambda t: t + np.clip(t - 20 * MS, 0, 50 * MS) // 1000, "path/imu/ts")),
     (TimeUnit("events", 1000), on(lambda t: t * 1000, T)),
     (TimeUnit("flow", 1000), on(lambda t: t * 1000, *(f"{key}_ts" for key in FLOW_KEYS))),
     (Unsorted("imu", 0, 2), lambda arrays: {key: arrays[key][[*range(50), *range(60, 49, -1), *range(61, 101)]]

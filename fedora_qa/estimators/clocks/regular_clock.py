@@ -280,6 +280,73 @@ def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment |
     return DisplacedSegment(first, last, float(np.median(inside)), drift)
 
 
+@dataclass(frozen=True, slots=True)
+class SlewedSegment:
+    """Time in which an exact clock has a rate error, after which it runs right again and keeps its offset.
+
+    Attributes
+    ----------
+    start_ns
+        Timestamp at which the rate changes, ns.
+    duration_ns
+        True time for which the clock has the rate error, ns.
+    drift
+        Rate error, s/s, positive where the clock runs fast.
+    """
+
+    start_ns: int
+    duration_ns: int
+    drift: float
+
+
+def slewed_part(times_ns: Int64, *, resolution_ns: int) -> SlewedSegment | None:
+    """Return the segment of an exact clock in which the clock was slewed: its offset changes evenly and then stays.
+
+    The offset is the sum of the steps' deviations from whole periods, so that it may exceed a period. In the segment it
+    lies on a line within rounding, which neither jumps nor jitter do. A clock with a wrong rate throughout has a step
+    of another length after equal numbers of steps, within one; so at one end at least, more than twice the largest of
+    these numbers must be equal.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps, ns.
+    resolution_ns
+        Unit to which the timestamps are rounded, ns.
+
+    Returns
+    -------
+    SlewedSegment | None
+        None where there is no such segment, or where the clock is not exact.
+    """
+    if len(times_ns) < 3:
+        return None
+    steps = np.diff(times_ns)
+    period = int(np.median(steps))
+    if period <= 0 or np.mean(steps == period) < _EXACT_RATIO:
+        return None
+    excess_ns = (steps + period // 2) % period - period // 2
+    odd = np.flatnonzero(excess_ns)
+    if len(odd) < _FEWEST_ODD:
+        return None
+    first, last = int(odd[0]), int(odd[-1])
+    ends = max(first, len(steps) - 1 - last)
+    outside = len(steps) - (last - first + 1)
+    if ends <= 2 * int(np.diff(odd).max()) or outside < _LEAST_OUTSIDE * len(steps):
+        return None
+    offsets_ns = np.concatenate(([0], np.cumsum(excess_ns[first : last + 1]))).astype(np.float64)
+    true_ns = times_ns[first : last + 2] - times_ns[first] - offsets_ns
+    # offset = drift (t - start) in the segment: the first and the last step may lie in it in part.
+    drift, at_zero_ns = np.polyfit(true_ns[1:-1], offsets_ns[1:-1], 1)
+    if not drift or abs(offsets_ns[-1]) <= _ROUNDINGS * resolution_ns:
+        return None
+    start_ns, stop_ns = -at_zero_ns / drift, (offsets_ns[-1] - at_zero_ns) / drift
+    expected_ns = drift * (np.clip(true_ns, start_ns, stop_ns) - start_ns)
+    if np.abs(offsets_ns - expected_ns).max() > _ROUNDINGS * resolution_ns:
+        return None
+    return SlewedSegment(int(times_ns[first]) + round(start_ns), round(stop_ns - start_ns), float(drift))
+
+
 def rounding_grid_ns(times_ns: Int64, *, resolution_ns: int) -> int:
     """Return the grid to which the timestamps of a regular clock were rounded, 0 where there is none.
 

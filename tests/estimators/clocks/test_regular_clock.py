@@ -12,6 +12,7 @@ from fedora_qa.estimators.clocks.regular_clock import (
     has_odd_grid_above_period,
     is_rounded,
     rounding_grid_ns,
+    slewed_part,
 )
 
 
@@ -128,6 +129,37 @@ UNTOUCHED = {
 def test_what_was_not_moved_in_part_is_not_found(times_us: NDArray[np.int64]) -> None:
     """Clocks that are sound, or wrong as a whole, or lack samples."""
     assert displaced_part(times_us * US, resolution_ns=US) is None
+    assert slewed_part(times_us * US, resolution_ns=US) is None
+
+
+@given(st.floats(1e-3, 0.2), st.sampled_from([-1, 1]), st.integers(0, 250), st.integers(40, 140))
+def test_a_clock_that_is_slewed_for_a_while_is_found(size: float, sign: int, first: int, count: int) -> None:
+    """It keeps the offset that it gained, also where that exceeds a period; the slew begins between two samples."""
+    rate, start_us, duration_us = sign * size, (first + 0.4) * PERIOD_US, count * PERIOD_US
+    true_us = timestamps_us()
+    times_us = true_us + np.rint(rate * np.clip(true_us - start_us, 0, duration_us)).astype(np.int64)
+    slewed = slewed_part(times_us * US, resolution_ns=US)
+    assert slewed is not None
+    # An offset is rounded to 1 us, which moves a line through n of them by less than 1 us.
+    assert slewed.drift * duration_us == pytest.approx(rate * duration_us, abs=2)
+    assert abs(rate) * abs(slewed.start_ns / US - start_us) < 2
+    assert slewed.drift * slewed.duration_ns / US == pytest.approx(rate * duration_us, abs=2)
+
+
+@pytest.mark.parametrize(
+    "moved_us",
+    [
+        np.where(np.arange(400) < 150, 0, 700),
+        np.where((np.arange(400) > 100) & (np.arange(400) < 250), 700, 0),
+        np.rint(np.arange(400) * 0.13).astype(np.int64),
+        np.random.default_rng(0).integers(-90, 90, 400) * (abs(np.arange(400) - 200) < 60),
+        (1.3e-3 * np.clip(np.arange(400) - 100, 0, 150) ** 2).astype(np.int64),
+    ],
+    ids=["set once", "late for a while", "fast throughout", "jitter for a while", "ever faster"],
+)
+def test_what_does_not_drift_evenly_for_a_while_was_not_slewed(moved_us: NDArray[np.int64]) -> None:
+    """Jumps, a rate of the whole clock, jitter and a curve are no slew."""
+    assert slewed_part((timestamps_us() + moved_us) * US, resolution_ns=US) is None
 
 
 def timestamps_ns(period_us: float, count: int = 400) -> NDArray[np.int64]:
