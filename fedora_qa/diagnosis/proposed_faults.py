@@ -218,6 +218,7 @@ def _other_axes(fit: FittedCause) -> Faults:
     else:
         yield from _vector_axes(fit)
         if fit.stream == "pose":
+            yield motion.AngleOrder()
             yield axes.VectorAxes(fit.stream, _NED_FROM_ENU, _FRD_FROM_FLU)
             yield axes.VectorAxes(fit.stream, _NED_FROM_ENU)
             yield axes.VectorAxes(fit.stream, _SAME, _FRD_FROM_FLU)

@@ -94,6 +94,11 @@ _CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 _ATTITUDE_CONVENTIONS: Final = frozenset({"quaternion_order", "quaternion_inverted", "frame_convention"})
 """Causes by which attitudes are those of another body."""
 
+_TURNS_ALIKE_PERCENT: Final = 10.0
+"""Largest error of the gain of the gyro, with its limit, at which IMU and poses are of one flight. The gain against an
+unrelated motion is 0, and the limit, in which the residual counts, is as large as the error. An unrelated motion for a
+share of the time has that share of both."""
+
 _OWN: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({"pose": ("pose.orientation", "pose.continuity")})
 """Checks of a stream by itself that another sequence does not fail: where they fail, the stream does not correlate with
 others for that reason."""
@@ -208,6 +213,8 @@ def contradicts(
         # A whole that correlates says nothing of a while in which single changes do not.
         while_apart = family in ("rgb", "events") and _failed(results.get("event_response.frames"))
         correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()) if not while_apart)
+        if family in ("imu", "pose"):
+            correlates |= _turns_alike(results.get("imu.rotation"))
         disturbed = any(_failed(results.get(check)) for check in _OWN.get(family, ()))
         return correlates or disturbed or _steps_back(results.get("clocks.order"), family)
     if cause in ("time_offset", "clock_rate") and family in places:
@@ -250,6 +257,14 @@ def _turns_with_depth(results: Results) -> bool:
     frames nor the gyro against the poses: it moves gravity alone.
     """
     return _passed(results.get("depth.consistency")) and _failed(results.get("imu.rotation"))
+
+
+def _turns_alike(result: Result | None) -> bool:
+    """Whether the gyro turns as the poses do, however much its bias, its axes or its gain deviate."""
+    gain = measured(result, "scale")
+    if gain is None or gain.value is None or gain.limit is None:
+        return False
+    return abs(gain.value) + gain.limit < _TURNS_ALIKE_PERCENT
 
 
 def _frames_contradict(cause: str, stream: str, magnitude: float, result: Result | None) -> bool:

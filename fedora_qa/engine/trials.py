@@ -34,8 +34,9 @@ _GROWTH: Final = 4
 """Ratio of the windows of one trial to those of the trial before: all trials of a fault together cost a third more than
 the last one."""
 
-_MOST_VARIANTS: Final = 4
-"""Mechanisms or directions of one cause that are tried."""
+_MOST_VARIANTS: Final = 5
+"""Mechanisms or directions of one cause that are tried: of poses in another convention the fitted ones, of rotations
+and of specific forces, in two variants each, and another order of angles."""
 
 _STRAIGHT: Final = 0.8
 """Largest part of a deviation that may be left for a second fit of the size: with more, another fault is at work."""

@@ -258,6 +258,45 @@ class QuaternionInversion:
 
 
 @dataclass(frozen=True, slots=True)
+class AngleOrder:
+    """Yaw, pitch and roll were combined in reverse order: ``R' = R_x(roll) R_y(pitch) R_z(yaw)``.
+
+    Written are the angles of ``R = R_z(yaw) R_y(pitch) R_x(roll)``, as of ``ZYX`` taken for ``XYZ``.
+    """
+
+    cause: ClassVar[str] = "frame_convention"
+    stream: ClassVar[str] = "pose"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Combine the angles in reverse order."""
+        # (R_x(roll) R_y(pitch) R_z(yaw))^-1 = R_z(-yaw) R_y(-pitch) R_x(-roll)
+        return _of_orientations(
+            facts, "yaw, pitch and roll are combined in reverse order", lambda q: so3.inverse(_with_angles_negated(q))
+        )
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Combine the angles in the order in which they were taken."""
+        return _of_orientations(
+            facts,
+            "yaw, pitch and roll are combined in the other order",
+            lambda q: _with_angles_negated(so3.inverse(q)),
+        )
+
+
+def _with_angles_negated(orientations_xyzw: Float64) -> Float64:
+    """Return quaternions (n, 4) of the negative yaw, pitch and roll, of the same lengths.
+
+    Of the two quaternions of a rotation the one nearer to the inverse is returned, to which it is equal for a rotation
+    about one axis.
+    """
+    negated = so3.quaternions_from_angles(-so3.angles_from_quaternions(orientations_xyzw))
+    alike = np.einsum("ni,ni->n", negated, so3.inverse(orientations_xyzw)) >= 0
+    signs = np.where(alike, 1.0, -1.0)
+    return np.asarray(negated * (signs * np.linalg.norm(orientations_xyzw, axis=-1))[:, None])
+
+
+@dataclass(frozen=True, slots=True)
 class PoseInversion:
     """Poses are ``T_body_world``: quaternions rotate from world to body, positions are of the world in the body."""
 

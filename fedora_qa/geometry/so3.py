@@ -120,6 +120,24 @@ def quaternions_from_matrices(R: Float64) -> Float64:
     return normalise(np.where(column[..., 3:] < 0, -column, column))
 
 
+def angles_from_quaternions(orientations_xyzw: Float64) -> Float64:
+    """Return yaw, pitch and roll (..., 3), rad, of quaternions (..., 4) of any nonzero length.
+
+    ``R = R_z(yaw) R_y(pitch) R_x(roll)``, with pitch from -90 to 90 deg. At either end yaw and roll are not determined.
+    """
+    R = matrices_from_quaternions(orientations_xyzw)
+    yaw, roll = np.arctan2(R[..., 1, 0], R[..., 0, 0]), np.arctan2(R[..., 2, 1], R[..., 2, 2])
+    pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))
+    return np.stack((yaw, pitch, roll), axis=-1)
+
+
+def quaternions_from_angles(angles_rad: Float64) -> Float64:
+    """Return unit quaternions (..., 4) of yaw, pitch and roll (..., 3), rad: ``q_z(yaw) q_y(pitch) q_x(roll)``."""
+    axes = np.eye(3)[::-1]  # z, y, x
+    of_yaw, of_pitch, of_roll = (exp_quaternion(angles_rad[..., i, None] * axes[i]) for i in range(3))
+    return compose(compose(of_yaw, of_pitch), of_roll)
+
+
 def exp(rotation_vectors_rad: Float64) -> Float64:
     """Return rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
     return matrices_from_quaternions(exp_quaternion(rotation_vectors_rad))

@@ -102,6 +102,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         motion.QuaternionOrder: _MECHANICAL,
         motion.QuaternionInversion: _MECHANICAL,
         motion.PoseInversion: _MECHANICAL,
+        motion.AngleOrder: _MECHANICAL,
         motion.QuaternionLength: _MECHANICAL,
         units.LengthUnit: _MECHANICAL,
         units.AngleUnit: _MECHANICAL,

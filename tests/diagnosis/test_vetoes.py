@@ -94,3 +94,18 @@ def test_a_frame_on_the_grid_of_the_poses_alone_is_out() -> None:
     places = places_of(moved("rgb", 5 * MS))
     assert places.pop("rgb") == "out"
     assert set(places.values()) == {"in"}
+
+
+@pytest.mark.parametrize("stream", ["imu", "pose"])
+@pytest.mark.parametrize(
+    ("off_percent", "limit_percent", "is_contradicted"),
+    [(-4.3, 0.8, True), (0.1, 0.1, True), (101.0, 104.0, False), (-2.0, 30.0, False), (-40.0, 1.0, False)],
+)
+def test_a_gyro_that_turns_as_the_poses_do_is_of_their_flight(
+    stream: str, off_percent: float, limit_percent: float, *, is_contradicted: bool
+) -> None:
+    """However many parameters fail; against another flight the gain is 0 or not determined."""
+    gain = Measurement("scale", off_percent, "percent", 0.1, 0.0, limit_percent, 0.2)
+    results = {"imu.rotation": Result("imu.rotation", "failed", "off", measurements=(gain,))}
+    assert contradicts("other_sequence", stream, None, results, {}) == is_contradicted
+    assert not contradicts("other_sequence", "rgb", None, results, {})

@@ -41,6 +41,7 @@ from fedora_qa.faults.images import (
 from fedora_qa.faults.index_maps import IndexShift, IndexSide
 from fedora_qa.faults.motion import (
     AccelBias,
+    AngleOrder,
     GravityError,
     GyroBias,
     PoseInversion,
@@ -160,6 +161,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(QuaternionOrder, st.permutations(range(4)).map(tuple)), exact),
     (st.just(QuaternionInversion()), exact),
     (st.just(PoseInversion()), rounded),
+    (st.just(AngleOrder()), rounded),
     (st.builds(QuaternionLength, st.floats(-0.5, 0.9)), rounded),
     (st.builds(VectorAxes, st.just("imu"), signed_permutations()), exact),
     (st.builds(VectorAxes, flows, axes_of_plane), exact),

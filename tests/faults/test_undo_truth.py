@@ -44,6 +44,7 @@ from fedora_qa.faults.images import (
 from fedora_qa.faults.index_maps import IndexShift, IndexSide
 from fedora_qa.faults.motion import (
     AccelBias,
+    AngleOrder,
     GravityError,
     GyroBias,
     PoseInversion,
@@ -262,6 +263,8 @@ ROUNDED: list[Truth] = [
     (PoseLeverArm((0.3, 0, 0.1)), lambda arrays: {"path/pose/position": arrays["path/pose/position"]
         + Rotation.from_quat(arrays["path/pose/orientation"]).apply([0.3, 0, 0.1])}),
     (PoseInversion(), world_in_body),
+    (AngleOrder(), on(lambda q: Rotation.from_euler("XYZ", Rotation.from_quat(q).as_euler("ZYX")[:, ::-1]).as_quat(),
+                      "path/pose/orientation")),
     (QuaternionLength(0.1), on(lambda q: q * 1.1, "path/pose/orientation")),
     (QuaternionLength(0.0), on(lambda q: q * np.linspace(0.9, 1.2, len(q))[:, None], "path/pose/orientation")),
     (VectorAxes("pose", ((0, 1, 0), (1, 0, 0), (0, 0, -1)), ((1, 0, 0), (0, -1, 0), (0, 0, -1))), north_east_down),

@@ -88,3 +88,12 @@ def test_nothing_comes_of_nothing() -> None:
 def test_cross_matrices_multiply_like_a_cross_product(a: np.ndarray, b: np.ndarray) -> None:
     """[a]x b = a x b."""
     np.testing.assert_allclose(so3.cross_matrices(a) @ b, np.cross(a, b), atol=1e-14)
+
+
+def test_yaw_pitch_and_roll_are_scipys() -> None:
+    """Angles of random rotations are those of ZYX, and lead back to the same rotation."""
+    rotations = random_rotations(500)
+    angles = so3.angles_from_quaternions(rotations.as_quat())
+    np.testing.assert_allclose(angles, rotations.as_euler("ZYX"), atol=1e-13)
+    back = Rotation.from_quat(so3.quaternions_from_angles(angles))
+    np.testing.assert_allclose((back.inv() * rotations).magnitude(), 0.0, atol=1e-14)

@@ -6,6 +6,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fedora_generator.faults.plant import plant_fault
 from fedora_qa.engine.options import CheckOptions
@@ -16,7 +17,7 @@ from fedora_qa.faults.declarations import NoiseMisdeclared
 from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.images import TransferMisdeclared
 from fedora_qa.faults.index_maps import IndexSide
-from fedora_qa.faults.motion import PoseInversion
+from fedora_qa.faults.motion import AngleOrder, PoseInversion
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.layout.canonical import DATASETS
@@ -104,9 +105,21 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     assert set(MECHANICAL) == classes
     # Tests of their own: below, and in ``test_repair``.
     beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared, PoseInversion, MountingUnit,
+              AngleOrder,
               TransposedIntrinsics}  # fmt: skip
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
     assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside
+
+
+def test_angles_are_combined_in_their_order_again(clean: Path, tmp_path: Path) -> None:
+    """Orientations whose angles of ``ZYX`` were applied as ``XYZ``, by scipy."""
+    faulty = tmp_path / "faulty.h5"
+    faulty.write_bytes(clean.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        angles = Rotation.from_quat(file["path/pose/orientation"][()]).as_euler("ZYX")
+        file["path/pose/orientation"][...] = Rotation.from_euler("XYZ", angles[:, ::-1]).as_quat()
+    assert not repaired(faulty, AngleOrder()).refusal
+    require_equal(tmp_path / "repaired.h5", clean, 1e-12)
 
 
 @pytest.mark.parametrize(
