@@ -26,7 +26,7 @@ from fedora_qa.views.inertial_agreement import (
     MotionKind,
     OffsetsApart,
 )
-from fedora_qa.views.sample_defects import ClippedSamples, NoWeight
+from fedora_qa.views.sample_defects import ClippedSamples, HeldComponent, NoWeight
 
 Int64 = NDArray[np.int64]
 
@@ -212,6 +212,9 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
         # weight: what has none is in another unit, of which no parameter of the fit is one.
         unknown = Hypothesis("unknown", "imu", support("imu.samples_of_no_flight"))
         return (*conventions, *defect_hypotheses(features), unknown)
+    if any(isinstance(feature, HeldComponent) for feature in features):
+        # A component that keeps its value lacks the whole motion about its axis: parameters of the fit are its effects.
+        return (*conventions, *defect_hypotheses(features))
     if rule not in ("residual", "worst"):
         # A fit that did not converge turns one motion into another: its parameters have no meaning.
         other = _other_sequence(1.0) if any(isinstance(feature, UnsettledFit) for feature in features) else ()

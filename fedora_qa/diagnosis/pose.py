@@ -17,6 +17,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.sample_defects import (
     ComponentNoise,
     ExcessNoise,
+    HeldComponent,
     LinearInterpolation,
     LoneSamples,
     RepeatedSamples,
@@ -48,6 +49,10 @@ def defect_hypotheses(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
             case RepeatedSamples(stream, count):
                 strength = support("motion.repeated_samples")
                 hypotheses.append(Hypothesis("frozen_frames", stream, strength, float(count), "samples"))
+            case HeldComponent(count):
+                hypotheses.append(
+                    Hypothesis("frozen_frames", "imu", support("motion.held_component"), float(count), "samples")
+                )
             case LoneSamples(stream, _, largest_m):
                 hypotheses.append(Hypothesis("teleport", stream, support("motion.lone_samples"), largest_m, "m"))
             case ComponentNoise(stream):

@@ -14,6 +14,7 @@ from fedora_qa.estimators.imu.local_motion import (
     VectorSamples,
     find_interpolation,
     lone_samples,
+    longest_hold,
     repeated_samples,
 )
 from fedora_qa.features import Feature
@@ -125,6 +126,19 @@ class RepeatedSamples(Feature):
     """
 
     stream: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class HeldComponent(Feature):
+    """One component of a sensor of the IMU keeps its value in every bit for a while, and varies before and after.
+
+    Attributes
+    ----------
+    count
+        Number of samples with that value, one after the other.
+    """
+
     count: int
 
 
@@ -243,6 +257,15 @@ def held_imu(imu: ImuSamples, frozen: NDArray[np.intp]) -> tuple[Feature, ...]:
     Held samples are late by half of the time for which they are held, which is no offset of the clock.
     """
     return (RepeatedSamples("imu", len(frozen)),) if 2 * len(frozen) > len(imu.times_ns) else ()
+
+
+def held_components(samples: NDArray[np.float64], rounding: float) -> tuple[HeldComponent, ...]:
+    """Return the components of a sensor, with samples of shape (N, 3), that are held for a while.
+
+    A component that never varies, as of a motion in a plane, is not held.
+    """
+    runs = (longest_hold(values, rounding=rounding) for values in samples.T)
+    return tuple(HeldComponent(run.stop - run.start) for run in runs if run.stop)
 
 
 def clipped_samples(samples: NDArray[np.float64]) -> tuple[Feature, ...]:

@@ -11,10 +11,11 @@ from fedora_qa.checks.imu.agreement import InertialParameter
 from fedora_qa.diagnosis.imu import TimingCues, gravity_likelihoods, parameter_hypotheses, timing_cues_of
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
+from fedora_qa.estimators.imu.samples import InertialNoise
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.sample_defects import clipped_samples
+from fedora_qa.views.sample_defects import HeldComponent, clipped_samples, held_components
 from tests.support.facts import MS, clock, exact_facts, with_clock
-from tests.support.motion_world import GRAVITY_M_S2, NOISY, MotionFile, sample_motion
+from tests.support.motion_world import EXACT, GRAVITY_M_S2, NOISY, MotionFile, sample_motion
 
 TURN = Rotation.from_rotvec(np.radians([8.0, -6.0, 3.0]))
 
@@ -89,6 +90,39 @@ def test_samples_end_at_a_limit_where_they_repeat_it_alone() -> None:
     assert clipped_samples(motion.clip(None, 1.5)) != ()
     assert clipped_samples(motion.clip(-1.5, None)) != ()
     assert clipped_samples(motion * [1, 1, 0]) == ()
+
+
+@pytest.mark.parametrize("value", [0.0, None], ids=["zero", "the value before"])
+@pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
+def test_a_component_that_stands_still_for_a_while_is_frozen(
+    value: float | None, noise: InertialNoise | None, tmp_path: Path
+) -> None:
+    """Neither a bias nor a turn, which the fit makes of the motion that is lacking."""
+    samples = sample_motion(noise=noise)
+    rates = samples.angular_velocities_body_rad_s.copy()
+    rows = slice(len(rates) // 3, len(rates) // 2)
+    rates[rows, 1] = rates[rows.start, 1] if value is None else value
+    held = MotionFile(samples=replace(samples, angular_velocities_body_rad_s=rates), declared=noise or EXACT)
+    record = check_file(held.write(tmp_path / "motion.h5"), CheckOptions(select=("imu", "pose"), evidence=None)).record
+    first = record.diagnoses[0]
+    assert (first.cause, first.stream) == ("frozen_frames", "imu")
+    assert first.magnitude == rows.stop - rows.start
+
+
+def test_components_that_rest_or_never_vary_or_are_coarse_are_not_held() -> None:
+    """A hold begins or ends with a jump, and is longer than chance makes it."""
+    motion = np.cumsum(np.random.default_rng(0).normal(size=(1000, 3)), axis=0)
+    held = motion.copy()
+    held[300:400, 2] = 0.5 + motion[300, 2]
+    assert held_components(held, 1e-16) == (HeldComponent(100),)
+    assert held_components(motion, 1e-16) == ()
+    assert held_components(motion * [1, 1, 0], 1e-16) == ()
+    assert held_components(np.rint(motion / 8) * 8, 1e-16) == ()
+    # A body that slows down, rests and speeds up.
+    resting = np.minimum(np.maximum(np.abs(np.arange(1000) - 500) - 60, 0) ** 2 / 1e4, 9.0)
+    assert held_components(np.column_stack((resting, motion[:, :2])), 1e-16) == ()
+    # A sensor at its limit.
+    assert held_components(np.minimum(motion, np.quantile(motion, 0.7, axis=0)), 1e-16) == ()
 
 
 def test_a_slope_of_gravity_alone_is_the_world_of_the_poses() -> None:

@@ -29,10 +29,11 @@ from fedora_qa.views.inertial_agreement import (
     is_implausible,
     streams_of,
 )
-from fedora_qa.views.motion_samples import location_of, pose_model
+from fedora_qa.views.motion_samples import imu_roundings, location_of, pose_model
 from fedora_qa.views.sample_defects import (
     clipped_samples,
     frozen_poses,
+    held_components,
     held_imu,
     pose_defects,
     timestamp_defects,
@@ -194,10 +195,12 @@ def agreement_observation(
     if trial is not None and trial.is_certain:
         return Observation(coverage, (_disagreement(facts, streams, kind, trial),))
     samples = streams.imu.angular_velocities_body_rad_s if kind == "rotation" else streams.imu.specific_forces_body_m_s2
+    rounding = imu_roundings(streams.imu)[0 if kind == "rotation" else 1]
     defects: tuple[Feature, ...] = (
         *((trial,) if trial else ()),
         *timestamp_defects(facts, "imu"),
         *held_imu(streams.imu, streams.frozen_imu),
+        *held_components(samples, rounding),
         *clipped_samples(samples),
         *weightless(streams.imu.specific_forces_body_m_s2, (facts.declared.imu or ImuModel()).gravity),
         *pose_defects(facts, streams.poses, pose_model(facts, streams.poses)),

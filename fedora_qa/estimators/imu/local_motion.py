@@ -42,6 +42,17 @@ _ROUNDINGS: Final = 16.0
 """Units of rounding by which neighbours of a steady motion may differ. The rotation of a vector takes fifteen
 operations (nine products, six sums), each of which errs by at most half a unit, in either neighbour."""
 
+FEWEST_HELD: Final = 16
+"""Least number of repeats of a component that is held: a filter or a bus that gives a value twice holds it for fewer
+samples. The value is not derived."""
+
+_LOG_CHANCE: Final = float(np.log(1e-9))
+"""Logarithm of the probability of six standard deviations (normal, one side)."""
+
+_LARGE_CHANGE: Final = 0.9
+"""Quantile of the changes of a component above which one is large: that of a component that comes to rest is among the
+smallest."""
+
 _LONE: Final = 20.0
 """Medians of the distance of a sample from the middle of its neighbours above which it lies off. The length of normal
 noise of three axes exceeds four medians in one of 1e9 samples; a motion is left."""
@@ -388,6 +399,51 @@ def repeated_samples(*samples: Float64, roundings: Sequence[float]) -> Indices:
     padded = np.concatenate(([False], moves, [False]))  # padded[i] is the change before change i
     runs = [np.arange(a, b) + 1 for a, b in zip(starts, stops, strict=True) if padded[a] or padded[b + 1]]
     return np.concatenate(runs) if runs else np.empty(0, dtype=np.intp)
+
+
+def longest_hold(values: Float64, *, rounding: float) -> slice:
+    """Return the longest run of equal samples of one component that chance and rest do not explain.
+
+    Coarse values repeat by chance. With the share p of repeats in the rest of the samples, one of n runs has r repeats
+    with a probability of n p^r at most. A component comes to rest, and leaves it, by changes that grow from 0: a hold
+    begins or ends with a change that is large among all changes of the component. A sensor at its limit repeats its
+    largest or smallest value, which is not 0.
+
+    Parameters
+    ----------
+    values
+        (N,) of one component.
+    rounding
+        Unit of rounding of a value, in its unit.
+
+    Returns
+    -------
+    slice
+        Of the samples of the run, which all have one value; empty where there is none.
+    """
+    none = slice(0, 0)
+    if len(values) < FEWEST_HELD or not np.isfinite(values).all():
+        return none
+    changes = np.abs(np.diff(values))
+    repeats = changes == 0
+    starts = np.flatnonzero(repeats & ~np.insert(repeats[:-1], 0, False))
+    stops = np.flatnonzero(repeats & ~np.append(repeats[1:], False)) + 1
+    if not len(starts) or repeats.all():
+        return none
+    longest = int(np.argmax(stops - starts))
+    start, stop = int(starts[longest]), int(stops[longest])
+    held, others = stop - start, len(repeats) - (stop - start)
+    # At least one repeat is reckoned with: a share of 0 of few samples is no probability of 0.
+    share = max(int(repeats.sum()) - held, 1) / max(others, 1)
+    if held < FEWEST_HELD or np.log(len(values)) + held * np.log(min(share, 1.0)) > _LOG_CHANCE:
+        return none
+    value = float(values[start])
+    if value and value in (values.min(), values.max()):
+        return none
+    # Changes into the run and out of it; the sequence may begin or end with it.
+    beside = [float(changes[i]) for i in (start - 1, stop) if 0 <= i < len(changes)]
+    large = float(np.quantile(changes[changes > 0], _LARGE_CHANGE))
+    return slice(start, stop + 1) if max(beside) > max(large, _ROUNDINGS * rounding) else none
 
 
 def lone_samples(times_ns: Int64, curve: SampledCurve) -> tuple[Indices, Float64]:
