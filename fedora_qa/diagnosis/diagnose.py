@@ -211,6 +211,9 @@ def _size_by_trial(cause: str, fitted: float | None, fault: ReversibleFault) -> 
     of_fault = fault.magnitude
     if cause in _VECTORS or fitted is None or (cause == "clock_rate" and is_of_part(fault)):
         return of_fault
+    if cause == "flow_unit" and of_fault is not None and abs(of_fault) > 1.0:
+        # Fractions of a pixel: the number of them is exact.
+        return of_fault
     is_of_another_step = cause == "time_offset" and of_fault is not None and not isclose(of_fault, fitted)
     return of_fault if is_of_another_step else fitted
 

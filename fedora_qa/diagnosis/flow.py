@@ -1,17 +1,20 @@
 """Hypotheses for flow against events, between its rates and against frames; and what all checks of flow share."""
 
 from collections.abc import Mapping, Sequence
+from math import log2
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
-from fedora_qa.causes import CAUSES
+from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.flow_events.sharpness import SharpestFlow
 from fedora_qa.checks.flow_photometric.rate_statistics import RateResidual, TemplateExplanation
 from fedora_qa.checks.flow_rates.composition import COPIES, RatePairsOff
 from fedora_qa.diagnosis.hypothesis import Hypothesis, most_probable, support, support_of_extent, weakened
+from fedora_qa.faults.units import frame_period_s
 from fedora_qa.judgement.judge import Alarm
+from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial
@@ -87,6 +90,12 @@ _CAUSES_BETWEEN_RATES: Final = (
     "time_unit", "unsorted", "duplicated_samples",
 )  # fmt: skip
 """Causes of a deviation between rates, also those whose inverse transform was not tried."""
+
+_FEWEST_FRACTIONS: Final = 64.0
+"""Least number of fractions of a pixel in codes of flow: KITTI has 64 and DSEC 128. The value is not derived."""
+
+_SAME_PERIOD: Final = 0.02
+"""Largest relative difference of two periods that count as equal: rates of flow are further apart."""
 
 _RESIDUAL_GAIN_TOLERANCE: Final = 0.1
 """Largest relative difference, near the capture range, of a gain from a sign or a unit that counts as such."""
@@ -184,12 +193,21 @@ def convention_hypotheses(
 
 
 def gain_hypothesis(
-    flow: str, gain: float, error: float | None, removed_share: float, seconds: float, tolerance: float
+    flow: str,
+    gain: float,
+    error: float | None,
+    removed_share: float,
+    seconds: float,
+    tolerance: float,
+    frame_s: float = 0.0,
 ) -> Hypothesis:
     """Return the cause of a gain of the flow: another sign, another unit of time, or a gain.
 
     A gain of -2 is the opposite sign. A factor equal to the length of the interval, or to its reciprocal, is another
-    unit. The opposite sign beside a unit, and a gain beside the opposite sign, show once the first is undone.
+    unit. So is a period of the frames over the length of the interval: the motion per frame, of which flow from frame
+    to frame is correct. A power of two of 64 or more, or 1000, is the number of fractions of a pixel in codes that were
+    not divided by it: no gain is as large. The opposite sign beside a unit, and a gain beside the opposite sign, show
+    once the first is undone.
 
     Parameters
     ----------
@@ -205,6 +223,8 @@ def gain_hypothesis(
         Length of the interval, s.
     tolerance
         Largest relative difference from a unit that counts as such.
+    frame_s
+        Period of the colour frames, s, where no flow from frame to frame deviates; else 0.
 
     Returns
     -------
@@ -216,11 +236,34 @@ def gain_hypothesis(
     for unit_factor in (seconds, 1 / seconds) if seconds > 0 else ():
         if abs(abs(factor) / unit_factor - 1) < tolerance:
             return Hypothesis("flow_unit", flow, removed_share, unit_factor, "1")
+    # Motion per frame is that of every rate at once, of which the one from frame to frame does not show it.
+    if 0 < frame_s < (1 - tolerance) * seconds and abs(abs(factor) * seconds / frame_s - 1) < tolerance:
+        return Hypothesis("flow_unit", stream_family(flow), removed_share, frame_s / seconds, "1")
+    if fractions := fractions_of_px(factor, tolerance):
+        return Hypothesis("flow_unit", flow, removed_share, fractions, "1")
     # The opposite sign, and maybe a gain besides: between -3 and -1 / 3 the sign leaves |1 - |factor||, which is less
     # than half of 1 + |factor|.
     if -3 < factor < -1 / 3:
         return Hypothesis("flow_sign", flow, removed_share)
     return Hypothesis("flow_gain", flow, removed_share, 100 * gain, "percent", None if error is None else 100 * error)
+
+
+def fractions_of_px(factor: float, tolerance: float) -> float:
+    """Return the number of fractions of a pixel in which codes of flow count, by the gain of a flow; 0 for a gain."""
+    if not _FEWEST_FRACTIONS * (1 - tolerance) < abs(factor) < np.inf:
+        return 0.0
+    size = abs(factor)
+    nearest = min(2.0 ** round(log2(size)), 1000.0, key=lambda fractions: abs(size - fractions))
+    return nearest if abs(size / nearest - 1) < tolerance else 0.0
+
+
+def frame_period_of(facts: Facts, off: Mapping[str, bool]) -> float:
+    """Return the period of the colour frames, s; 0 where flow from frame to frame deviates, or none is left."""
+    period_s = frame_period_s(facts)
+    if not period_s:
+        return 0.0
+    is_off = [deviates for stream, deviates in off.items() if abs(flow_rate_hz(stream) * period_s - 1) < _SAME_PERIOD]
+    return 0.0 if any(is_off) else period_s
 
 
 def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
@@ -237,7 +280,13 @@ def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     error = 0.01 * (alarm.statistic.standard_error + alarm.statistic.model_error_bound)
     return (
         gain_hypothesis(
-            flow, sharpest.gain - 1, error, support("flow_events.gain"), interval_s, _SHARPNESS_GAIN_TOLERANCE
+            flow,
+            sharpest.gain - 1,
+            error,
+            support("flow_events.gain"),
+            interval_s,
+            _SHARPNESS_GAIN_TOLERANCE,
+            frame_period_of(facts, sharpest.deviates_by_rate),
         ),
         Hypothesis("intrinsics_focal", flow, support("flow_events.focal_length")),
         Hypothesis("flow_rate_mixed", flow, support("flow_events.rate_mixed")),
@@ -294,7 +343,10 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     (rate,) = (feature for feature in features if isinstance(feature, RateResidual))
     flow = spreads_over(rate.rate, rate.deviates_by_rate)
     by_templates = _template_hypotheses(
-        rate, {feature.template: feature for feature in features if isinstance(feature, TemplateExplanation)}, flow
+        rate,
+        {feature.template: feature for feature in features if isinstance(feature, TemplateExplanation)},
+        flow,
+        frame_period_of(facts, rate.deviates_by_rate),
     )
     if not rate.deviating_fields:
         unknown = Hypothesis("unknown", flow, support("flow_photometric.unknown"))
@@ -321,7 +373,9 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     return most_probable([*by_trials, *by_templates]) + displacements
 
 
-def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplanation], flow: str) -> list[Hypothesis]:
+def _template_hypotheses(
+    rate: RateResidual, templates: dict[str, TemplateExplanation], flow: str, frame_s: float
+) -> list[Hypothesis]:
     """Return gain, shift of an image, and faults of the geometry, by their share of what all templates explain."""
     if rate.explained_share <= 0:
         return []
@@ -334,7 +388,7 @@ def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplan
     gain_support = support("flow_photometric.gain") * by_gain
     hypotheses = [
         gain_hypothesis(
-            flow, gain.sizes[0], gain.standard_error, gain_support, rate.interval_s, _RESIDUAL_GAIN_TOLERANCE
+            flow, gain.sizes[0], gain.standard_error, gain_support, rate.interval_s, _RESIDUAL_GAIN_TOLERANCE, frame_s
         ),
         Hypothesis("spatial_offset", "rgb", by_shift, shift_px, "px"),
         # A field moved by -d assigns each pixel the vector of an image moved by d.

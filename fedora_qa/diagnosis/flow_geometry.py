@@ -23,12 +23,17 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import (
 from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.diagnosis.declared_cameras import is_chosen
-from fedora_qa.diagnosis.flow import DISPLACEMENTS, convention_hypotheses, gain_hypothesis, spreads_over
+from fedora_qa.diagnosis.flow import (
+    DISPLACEMENTS,
+    convention_hypotheses,
+    frame_period_of,
+    gain_hypothesis,
+    spreads_over,
+)
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis, most_probable, only_feature, support, weakened
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz, is_flow_stream
-from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_comparison import FlowParameterFit, is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial
@@ -85,7 +90,7 @@ def propose_endpoint(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for one rate of flow against depth and pose, best supported first."""
     statistic = alarm.statistic
     rate = alarm.finding.where.stream or "flow"
-    hypotheses = _of_one_rate(rate, statistic.features, facts.declared)
+    hypotheses = _of_one_rate(rate, statistic.features, facts)
     if alarm.finding.code != "flow_geometry.endpoint.pose_correction":
         return hypotheses
     # Corrections of the poses of one rate are smaller or larger than under the declared noise.
@@ -112,8 +117,9 @@ def propose_endpoint(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     return hypotheses
 
 
-def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> tuple[Hypothesis, ...]:
-    flow = spreads_over(rate, only_feature(features, FlowRatesOff).off)
+def _of_one_rate(rate: str, features: Sequence[Feature], facts: Facts) -> tuple[Hypothesis, ...]:
+    declared, off = facts.declared, only_feature(features, FlowRatesOff).off
+    flow = spreads_over(rate, off)
     extent = only_feature(features, FieldsOff)
     share_off = extent.affected_share
     # Declarations and conventions hold for all fields: where at most half of the fields deviate, single fields are
@@ -139,7 +145,9 @@ def _of_one_rate(rate: str, features: Sequence[Feature], declared: Declared) -> 
     for fit in features:
         if isinstance(fit, FlowGainFit):
             share, error = fit.removed_share * fit.correlation, fit.standard_error
-            parameters.append(gain_hypothesis(flow, fit.gain, error, share, fit.interval_s, _SAME_GAIN))
+            parameters.append(
+                gain_hypothesis(flow, fit.gain, error, share, fit.interval_s, _SAME_GAIN, frame_period_of(facts, off))
+            )
         elif isinstance(fit, FlowParameterFit):
             share = fit.removed_share
             if fit.parameter == "spatial_offset":

@@ -15,6 +15,7 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.declared_cameras import mounting_units, odd_centres, odd_mounting, other_sizes, transposed
+from fedora_qa.diagnosis.flow import fractions_of_px
 from fedora_qa.diagnosis.measured_sizes import (
     Results,
     deviation,
@@ -41,6 +42,7 @@ from fedora_qa.faults import (
 from fedora_qa.faults.fault import Matrix3, ReversibleFault, RowRange, Vector3
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
+from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_comparison import FlowParameterFit
 from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
@@ -305,8 +307,17 @@ def _length_unit(fit: FittedCause) -> Faults:
 
 
 def _flow_units(fit: FittedCause) -> Faults:
+    if fit.size > 1:
+        if fractions := fractions_of_px(fit.size, _UNIT_TOLERANCE):
+            yield units.FlowUnit(fit.stream, "fractions", fractions)
+        yield units.FlowUnit(fit.stream, "px/s")
+        return
+    period_s = units.frame_period_s(fit.facts)
+    # The size is the period of the frames over the length of an interval, or the length itself.
+    per_frame = any(abs(fit.size / (period_s * flow_rate_hz(rate)) - 1) < _UNIT_TOLERANCE
+                    for rate in fit.facts.flow_streams if period_s)  # fmt: skip
     smaller: tuple[units.FlowUnitName, ...] = ("px s", "half images", "images")
-    for unit in ("px/s",) if fit.size > 1 else smaller:
+    for unit in ("px per frame", *smaller) if per_frame else smaller:
         yield units.FlowUnit(fit.stream, unit)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.faults.fault import Fault, RowRange, in_rows, streams_in, value_keys, values_by_row
+from fedora_qa.faults.fault import Fault, InapplicableError, RowRange, in_rows, streams_in, value_keys, values_by_row
 from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -151,10 +151,17 @@ class FlowSign:
         return self.plant(facts, sequence)
 
 
-FlowUnitName = Literal["px/s", "px s", "images", "half images"]
+FlowUnitName = Literal["px/s", "px s", "images", "half images", "px per frame", "fractions"]
 
 _IMAGES: Final = {"images": 1.0, "half images": 0.5}
 """Units of length that depend on the size of the image, in widths and heights of it."""
+
+
+def frame_period_s(facts: Facts) -> float:
+    """Return the median period of the colour frames, s; 0 without two of them."""
+    clock = facts.clocks.get("rgb")
+    steps_ns = np.diff(clock.times_ns[clock.advancing]) if clock is not None else np.zeros(0)
+    return float(np.median(steps_ns)) / NS_PER_S if len(steps_ns) else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,29 +174,46 @@ class FlowUnit:
         ``flow``, or a rate.
     unit
         ``px/s``; ``px s``: the equation of the paper applied to a displacement; ``images`` or ``half images``: u in
-        widths and v in heights of the image, or in halves of them, as samplers of networks count from -1 to 1.
+        widths and v in heights of the image, or in halves of them, as samplers of networks count from -1 to 1; ``px per
+        frame``: the motion during one period of the colour frames, whatever the interval; ``fractions``: whole numbers
+        of a fraction of a pixel, that nothing has divided.
+    per_px
+        Number of fractions in a pixel.
     """
 
     stream: str
     unit: FlowUnitName = "px/s"
+    per_px: float = 1.0
     cause: ClassVar[str] = "flow_unit"
 
     @property
     def magnitude(self) -> float:
-        """1 for values that are too large (px/s), -1 for values that are too small (all others)."""
+        """1 for px/s and the number of fractions, which are too large; -1 for all others, which are too small."""
+        if self.unit == "fractions":
+            return self.per_px
         return 1.0 if self.unit == "px/s" else -1.0
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Convert from px."""
         if self.unit in _IMAGES:
             return self._in_images(facts, f"{self.stream} is in {self.unit}", -1)
-        return self._scaled(facts, f"{self.stream} is in {self.unit}", divided=self.unit == "px/s")
+        if self.unit == "fractions":
+            return self._in_fractions(facts, f"{self.stream} is in 1/{self.per_px:g} px", self.per_px)
+        divided = self.unit in ("px/s", "px per frame")
+        return self._scaled(facts, f"{self.stream} is in {self.unit}", divided=divided)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Convert to px."""
         if self.unit in _IMAGES:
             return self._in_images(facts, f"{self.stream} from {self.unit} to px", 1)
-        return self._scaled(facts, f"{self.stream} from {self.unit} to px", divided=self.unit != "px/s")
+        if self.unit == "fractions":
+            return self._in_fractions(facts, f"{self.stream} from 1/{self.per_px:g} px to px", 1 / self.per_px)
+        divided = self.unit not in ("px/s", "px per frame")
+        return self._scaled(facts, f"{self.stream} from {self.unit} to px", divided=divided)
+
+    def _in_fractions(self, facts: Facts, description: str, gain: float) -> Fault:
+        factor, keys = np.float64(gain), value_keys(facts, self.stream)
+        return Fault(description, dict.fromkeys(keys, in_rows(lambda flow: flow * factor, None)))
 
     def _in_images(self, facts: Facts, description: str, power: Literal[1, -1]) -> Fault:
         def scaled(flow: NDArray[Any]) -> NDArray[Any]:
@@ -201,13 +225,17 @@ class FlowUnit:
 
     def _scaled(self, facts: Facts, description: str, *, divided: bool) -> Fault:
         rows = {}
+        # Of motion per frame one period of the frames is the unit of time.
+        unit_s = frame_period_s(facts) if self.unit == "px per frame" else 1.0
+        if not unit_s:
+            raise InapplicableError("Expected colour frames, got none: their period is the unit of time")
         for name in streams_in(facts, self.stream):
             clock: Clock = facts.clocks[name]
 
             def alter(flow: NDArray[Any], numbers: NDArray[np.int64], clock: Clock = clock) -> NDArray[Any]:
                 assert clock.ends_ns is not None  # flow has intervals
                 intervals_s = (clock.ends_ns[numbers] - clock.times_ns[numbers]) / NS_PER_S
-                intervals_s = intervals_s.reshape(-1, 1, 1, 1)
+                intervals_s = intervals_s.reshape(-1, 1, 1, 1) / unit_s
                 with np.errstate(divide="ignore", invalid="ignore"):
                     scaled = flow / intervals_s if divided else flow * intervals_s
                 # An interval of length 0 has no velocity: its field stays.

@@ -3,7 +3,10 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.diagnosis.flow import gain_hypothesis
+from fedora_qa.diagnosis.flow import fractions_of_px, frame_period_of, gain_hypothesis
+from fedora_qa.diagnosis.proposed_faults import faults_for
+from fedora_qa.faults.units import FlowUnit, frame_period_s
+from tests.support.memory_sequence import facts_of, memory_sequence
 
 SECONDS, TOLERANCE = 0.04, 0.02
 
@@ -30,3 +33,41 @@ def test_a_unit_is_a_unit_with_either_sign(unit: float, sign: int, deviation: fl
 def test_other_factors_are_gains(factor: float) -> None:
     """Undoing the sign of a factor near 0 would leave more than half."""
     assert cause_of(factor) == "flow_gain"
+
+
+@given(st.sampled_from((64.0, 128.0, 256.0, 1000.0, 65536.0)), st.sampled_from((1, -1)), st.floats(-0.01, 0.01))
+def test_codes_of_fractions_are_a_unit(per_px: float, sign: int, deviation: float) -> None:
+    """Their number is stated exactly, and is the first that is undone."""
+    hypothesis = gain_hypothesis("flow", sign * per_px * (1 + deviation) - 1.0, None, 1.0, SECONDS, TOLERANCE)
+    assert (hypothesis.cause, hypothesis.magnitude) == ("flow_unit", per_px)
+    facts = facts_of(memory_sequence())
+    first = next(faults_for("flow_unit", "flow", hypothesis.magnitude, (), {}, facts))
+    assert first == FlowUnit("flow", "fractions", per_px)
+
+
+@given(st.floats(0.01, 61.0))
+def test_smaller_gains_are_no_fractions(factor: float) -> None:
+    """No code of flow has fewer than 64 fractions of a pixel."""
+    assert fractions_of_px(factor, TOLERANCE) == 0.0
+
+
+@given(st.integers(2, 10), st.floats(-0.015, 0.015))
+def test_motion_per_frame_is_a_unit_of_all_rates(frames: int, deviation: float) -> None:
+    """Of an interval of several frames; with flow from frame to frame that deviates as well it is a gain."""
+    frame_s = SECONDS / frames
+    factor = (1 + deviation) / frames
+    hypothesis = gain_hypothesis("flow/25hz", factor - 1.0, None, 1.0, SECONDS, TOLERANCE, frame_s)
+    assert (hypothesis.cause, hypothesis.stream, hypothesis.magnitude) == ("flow_unit", "flow", frame_s / SECONDS)
+    of_no_frames = gain_hypothesis("flow/25hz", factor - 1.0, None, 1.0, SECONDS, TOLERANCE, 0.0)
+    assert (of_no_frames.cause, of_no_frames.stream) == ("flow_gain", "flow/25hz")
+
+
+def test_flow_from_frame_to_frame_must_be_in_order() -> None:
+    """A gain of a half of all rates is none of the slower ones alone."""
+    facts = facts_of(memory_sequence())
+    period_s = frame_period_s(facts)
+    own = f"flow/{round(1 / period_s)}hz"
+    assert frame_period_of(facts, {own: False, "flow/1hz": True}) == period_s
+    assert frame_period_of(facts, {own: True, "flow/1hz": True}) == 0.0
+    first = next(faults_for("flow_unit", "flow", period_s * 10, (), {}, facts))
+    assert first == FlowUnit("flow", "px per frame")

@@ -73,6 +73,7 @@ def test_flow_that_follows_the_recomputed_flow_is_of_one_sequence(correlation: f
     )
     code, where = "flow_geometry.endpoint.error", Where(stream=rate)
     statistic = Statistic("error", 1.0, "px", 0.0, "off", code, where, features=features)
-    facts: Any = SimpleNamespace(declared=SimpleNamespace(cameras={"depth": camera()}, pose=None))
+    declared = SimpleNamespace(cameras={"depth": camera()}, pose=None)
+    facts: Any = SimpleNamespace(declared=declared, clocks={})
     hypotheses = propose_endpoint(Alarm(Finding("F1", code, "error", "off", where), statistic), facts)
     assert (("other_sequence", "depth") in {(h.cause, h.stream) for h in hypotheses}) is is_foreign

@@ -136,6 +136,12 @@ def in_px_per_s(arrays: Arrays) -> Arrays:
     return {key: (arrays[key].astype(float) / intervals_s[key]).astype(np.float32) for key in FLOW_KEYS}
 
 
+def per_frame(arrays: Arrays) -> Arrays:
+    """Divide displacements by the number of periods of the frames in their interval."""
+    period_s = np.median(np.diff(arrays["path/rgb_ts"])) / 1e9
+    return {key: (flow.astype(float) * period_s).astype(np.float32) for key, flow in in_px_per_s(arrays).items()}
+
+
 def in_images(arrays: Arrays) -> Arrays:
     """Divide u by the width of the image, and v by its height."""
     flows = {key: arrays[key].astype(float) for key in FLOW_KEYS}
@@ -253,6 +259,8 @@ ROUNDED: list[Truth] = [
     (LengthUnit("pose", 1e3), on(lambda position: position * 1000, "path/pose/position")),
     (AngleUnit(180 / np.pi), on(np.degrees, "path/imu/angular_velocity")),
     (FlowUnit("flow", "px/s"), in_px_per_s),
+    (FlowUnit("flow", "px per frame"), per_frame),
+    (FlowUnit("flow", "fractions", 128.0), on(lambda flow: flow * np.float32(128), *FLOW_KEYS)),
     (FlowUnit("flow", "images"), in_images),
     (FlowUnit("flow", "half images"), lambda arrays: {key: 2 * flow for key, flow in in_images(arrays).items()}),
     (FlowGain("flow", 10), on(lambda flow: flow + flow / np.float32(10), *FLOW_KEYS)),
