@@ -247,7 +247,7 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
         # Deviations that only the trial has brought about count against it.
         cleared = len(trial.cleared) / (len(trial.cleared) + len(trial.caused) + len(trial.crashed))
         prior = evidence.get(finding)
-        if prior is not None and clears_by_construction(candidate.cause, codes[finding]):
+        if clears_by_construction(candidate.cause, codes[finding]):
             continue
         if prior is None:
             # A finding that no check would explain by the cause may clear by chance: a shift undoes a delay where the

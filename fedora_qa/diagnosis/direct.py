@@ -10,7 +10,7 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "dropped_samples": ("clocks.gaps", "event_stream.gaps"),
         "duplicated_samples": ("clocks.order", "event_stream.duplicates"),
         "unsorted": ("clocks.order",),
-        "quantised_time": ("clocks.resolution", "clocks.rate", "clocks.order"),
+        "quantised_time": ("clocks.resolution", "clocks.rate", "clocks.order", "event_stream.gaps"),
         "time_jitter": ("event_response.jitter",),
         "quantised_values": ("integrity.resolution",),
         "time_unit": ("clocks.unit",),
@@ -67,9 +67,16 @@ _LOCAL_RULES: Final = frozenset(
     }
 )
 
-_BY_CONSTRUCTION: Final[Mapping[str, str]] = MappingProxyType({"unsorted": "clocks.order", "clock_rate": "clocks.rate"})
+_BY_CONSTRUCTION: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "unsorted": ("clocks.order",),
+        "clock_rate": ("clocks.rate", "clocks.resolution"),
+        "time_offset": ("clocks.resolution",),
+    }
+)
 """Checks of timestamps whose findings vanish with a fault undone, whatever their cause is: sorted timestamps are in
-order, and timestamps that are stretched by the measured rate have the nominal one."""
+order, timestamps that are stretched by the measured rate have the nominal one, and those that were moved or stretched
+do not lie on the grid on which they were."""
 
 
 def check_of_code(code: str) -> str:
@@ -95,4 +102,4 @@ def is_direct(cause: str, code: str) -> bool:
 
 def clears_by_construction(cause: str, code: str) -> bool:
     """Whether a finding, by its code, vanishes with a cause undone even where that is not the cause."""
-    return check_of_code(code) == _BY_CONSTRUCTION.get(cause)
+    return check_of_code(code) in _BY_CONSTRUCTION.get(cause, ())

@@ -6,7 +6,7 @@ from typing import Final
 
 from fedora_qa.checks.event_stream.bounds import EventExtent
 from fedora_qa.checks.event_stream.duplicates import RepeatedEvents
-from fedora_qa.checks.event_stream.gaps import ExpectedEvents
+from fedora_qa.checks.event_stream.gaps import EventsStampedTogether, ExpectedEvents
 from fedora_qa.checks.event_stream.rates import HotPixelCount, MovedHotPixels
 from fedora_qa.diagnosis.clocks import hypotheses_of_reset
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
@@ -43,7 +43,7 @@ def propose_bounds(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_duplicates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of repeated events: a packet that was written twice, or a hot pixel or jitter by chance."""
+    """Return the causes of repeated events: a packet that was written twice, or a hot pixel, jitter or rounding."""
     repeats = only_feature(alarm.statistic.features, RepeatedEvents).count
     if alarm.finding.code == "event_stream.duplicates.packet":
         supported = support("event_stream.doubled_ticks")
@@ -56,11 +56,12 @@ def propose_duplicates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         Hypothesis("duplicated_samples", "events", support("event_stream.repeats"), float(repeats), "samples"),
         Hypothesis("hot_pixels", "events", support(by_hot_pixels)),
         Hypothesis("time_jitter", "events", support(by_jitter)),
+        Hypothesis("quantised_time", "events", support("event_stream.repeats_of_rounding")),
     )
 
 
 def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of an interval without events: lost events, or a clock that was set.
+    """Return the causes of an interval without events: lost events, or a clock that was set, or one time for all.
 
     Where events were sorted after their clock had been set for a while, no step back is left: the offset of that while
     is seen by events that do not add up (``event_conservation``), which lost events seldom mimic.
@@ -68,12 +69,20 @@ def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     features = alarm.statistic.features
     lost = only_feature(features, ExpectedEvents).count
     resets = [feature for feature in features if isinstance(feature, ClockReset)]
-    supported = support("event_stream.silence_of_reset") if resets else support("event_stream.silence")
+    together = [feature for feature in features if isinstance(feature, EventsStampedTogether)]
+    if together:
+        supported = support("event_stream.silence_of_packet")
+    else:
+        supported = support("event_stream.silence_of_reset" if resets else "event_stream.silence")
+    packets = (
+        Hypothesis("quantised_time", "events", support("event_stream.stamped_together"), packet.step_ms, "ms")
+        for packet in together
+    )
     # The number of lost events has the Poisson error of the expected number.
     dropped = Hypothesis("dropped_samples", "events", supported, float(lost), "samples", sqrt(lost))
     of_resets = (hypothesis for reset in resets for hypothesis in hypotheses_of_reset(reset))
     step = () if resets else (Hypothesis("time_offset", "events", support("event_stream.silence_of_step")),)
-    return *of_resets, dropped, *step
+    return *packets, *of_resets, dropped, *step
 
 
 def propose_rates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

@@ -194,6 +194,15 @@ def test_what_a_weak_cause_clears_of_a_check_that_it_leaves_is_chance() -> None:
     assert diagnosed(shown, of_curve)[0].cause == "exposure_or_gamma"
 
 
+def test_timestamps_that_were_moved_off_a_grid_were_not_late() -> None:
+    """Any offset, and any rate, takes timestamps off the grid on which they were: that explains no grid."""
+    grid = alarm(1, Hypothesis("quantised_time", "events", 0.95, 1.0, "ms"), code="clocks.resolution.partial_grid")
+    late = Hypothesis("time_offset", "events", 0.5, 2.0, "ms")
+    found = diagnosed([grid, alarm(2, late)], {IS_LATE: tried("F1", left={"F2": 0.4})})
+    assert found[0].cause == "quantised_time"
+    assert all("F1" not in d.explains for d in found if d.cause == "time_offset")
+
+
 def test_what_vanishes_by_construction_is_no_evidence() -> None:
     """Sorted timestamps are in order, whatever has disordered them: a clock that was set back stays ahead."""
     set_back, unsorted = Hypothesis("time_offset", "events", 0.97, 4.0, "ms"), Hypothesis("unsorted", "events", 0.3)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.event_stream.event_rows import event_coverage
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.estimators.clocks.grid import crowded_step_ns
 from fedora_qa.estimators.events.rates import BINS, EventSilence, least_probable_silence
 from fedora_qa.features import Feature
@@ -26,6 +27,11 @@ silence of w mean intervals has the probability e^-w (Poisson); this is that of 
 20.7."""
 
 
+_BURST: Final = 5.0
+"""Ratio of the events under one timestamp to those of a tick beside it above which the rate has not just risen: in
+rendered steps it changes less from one to the next. The value is not derived."""
+
+
 @dataclass(frozen=True, slots=True)
 class ExpectedEvents(Feature):
     """Events that are expected in an interval without events.
@@ -40,6 +46,22 @@ class ExpectedEvents(Feature):
 
 
 @dataclass(frozen=True, slots=True)
+class EventsStampedTogether(Feature):
+    """The events that an interval without events lacks have the timestamp at one end of it.
+
+    Attributes
+    ----------
+    count
+        Number of events with that timestamp.
+    step_ms
+        Distance of the timestamps at both ends, ms.
+    """
+
+    count: int
+    step_ms: float
+
+
+@dataclass(frozen=True, slots=True)
 class SilenceCount:
     """The least probable interval without events that ends in a window.
 
@@ -51,11 +73,14 @@ class SilenceCount:
         Number of intervals that were compared.
     least_probable
         The interval; None without one.
+    at_ends
+        Larger number of events with the timestamp at either end of the interval.
     """
 
     events: int
     silences: int
     least_probable: EventSilence | None
+    at_ends: int = 0
 
 
 class EventStreamGaps(WindowCheck[SilenceCount]):
@@ -74,6 +99,7 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
     sixteen bins of its own length on either side, and the side that makes it more probable is used. Motion that comes
     to rest therefore gives no finding, because the bins after it are empty as well; a lost packet leaves both sides
     full. A silence that matches a step back of the timestamps (``clocks.order``) is a clock that was set, and no loss.
+    Nor is one whose events have the timestamp at its end or at its beginning: they were stamped together, as a packet.
 
     Noise model
     -----------
@@ -113,12 +139,16 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
         while silence is not None and (beside_ns := crowded_step_ns(_beside(times_ns, silence))) > step_ns:
             step_ns = beside_ns
             silence, silences = least_probable_silence(times_ns, start_ns, stop_ns, step_ns, first_ns)
-        return SilenceCount(len(own(window, events)), silences, silence)
+        if silence is None:
+            return SilenceCount(len(own(window, events)), silences, None)
+        ends_ns = [silence.start_ns, silence.stop_ns]
+        at_ends = np.searchsorted(times_ns, ends_ns, side="right") - np.searchsorted(times_ns, ends_ns)
+        return SilenceCount(len(own(window, events)), silences, silence, int(at_ends.max()))
 
     def conclude(self, state: Sequence[SilenceCount], facts: Facts) -> Observation:
         """State the least probable silence of all windows, in ms."""
         coverage = event_coverage(facts, sum(count.events for count in state))
-        silences = [count.least_probable for count in state if count.least_probable is not None]
+        silences = [(count.least_probable, count.at_ends) for count in state if count.least_probable is not None]
         if not silences:
             if not any(count.silences for count in state):
                 reason = "too few events to distinguish a gap from a quiet scene"
@@ -139,13 +169,20 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
                 code="event_stream.gaps.silence",
             )
             return Observation(coverage, (none,))
-        worst = max(silences, key=lambda silence: silence.z)
+        worst, at_ends = max(silences, key=lambda silence: silence[0].z)
         length_ms = worst.length_ns / 1e6
         start_us, stop_us = (facts.to_file_us(time) for time in (worst.start_ns, worst.stop_ns))
         expected = max(round(worst.expected), 1)
         reset = clock_reset(facts.events)
         # A clock reset explains only the silence that is its step forwards.
         of_reset = reset is not None and reset.has_step_between(worst.start_ns, worst.stop_ns)
+        step_ns = worst.stop_ns - worst.start_ns
+        together: tuple[Feature, ...] = ()
+        # A timestamp has the events of its tick. Where it has half of those that the silence lacks, and far more than a
+        # tick beside it, these were not lost, but stamped together.
+        of_tick = worst.expected * (step_ns - worst.length_ns) / worst.length_ns
+        if at_ends > max(worst.expected / 2, _BURST * of_tick):
+            together = (EventsStampedTogether(at_ends, step_ns / NS_PER_MS),)
         statistic = Statistic(
             name="gap",
             value=length_ms,
@@ -157,7 +194,7 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
             statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {expected} are expected.",
             code="event_stream.gaps.silence",
             where=Where(stream="events", start_us=start_us, stop_us=stop_us),
-            features=(ExpectedEvents(expected), *((reset,) if reset is not None and of_reset else ())),
+            features=(ExpectedEvents(expected), *((reset,) if reset is not None and of_reset else ()), *together),
         )
         return Observation(coverage, (statistic,))
 

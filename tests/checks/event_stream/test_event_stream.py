@@ -189,6 +189,23 @@ def test_bursts_of_a_fast_edge_are_no_repeats(path: Path) -> None:
     assert run_check(path, "event_stream.duplicates").outcome == "passed"
 
 
+@pytest.mark.parametrize("late", [True, False], ids=["last event", "first event"])
+def test_events_under_one_timestamp_are_not_lost(late: bool, path: Path) -> None:
+    """A full buffer for 40 ms: all events of a packet have the time of its last event, or of its first."""
+
+    def stamped(events: Stream) -> Stream:
+        starts_ns = events.times_ns // 3_000_000 * 3_000_000
+        times_ns = np.where(between(402, 441)(events), starts_ns + late * 3_000_000, events.times_ns)
+        return replace(events, times_ns=times_ns)
+
+    altered(stamped).write(path)
+    assert "silence" in rules(run_check(path, "event_stream.gaps"))
+    diagnosis = diagnoses_of(path, "event_stream")[0]
+    assert (diagnosis.stream, diagnosis.cause) == ("events", "quantised_time")
+    assert diagnosis.magnitude == pytest.approx(3.0, rel=0.2)
+    assert "dropped_samples" not in {other.cause for other in diagnoses_of(path, "event_stream")}
+
+
 def test_steps_of_a_linear_sensor_are_its_tick(path: Path) -> None:
     """A stray event off the grid of rendered steps makes no silence of every step; three lost steps are one."""
     altered(hot(20, 10, 5.0), linear_file()).write(path)
