@@ -2,12 +2,16 @@
 
 from typing import Final
 
+import numpy as np
+
 from fedora_qa.checks.images.channels import NearestChannelOrder
 from fedora_qa.checks.images.exposure import BrightnessJump, CodesMultiplied
 from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.images.vignetting import CornerLoss
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis, only_feature, support
+from fedora_qa.diagnosis.measured_sizes import frames_lost_before
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
@@ -38,7 +42,17 @@ def propose_repeats(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for frames, or parts of frames, that the flow does not map onto the next frame."""
-    return hypotheses_of_order(only_feature(alarm.statistic.features, OutOfOrderIntervals))
+    of_order = hypotheses_of_order(only_feature(alarm.statistic.features, OutOfOrderIntervals))
+    _, lost = frames_lost_before(alarm, facts)
+    if not lost:
+        return of_order
+    period_ms = float(np.median(np.diff(facts.clocks["rgb"].times_ns))) / NS_PER_MS
+    # All frames behind the loss are early by the frames that are missing.
+    return (
+        Hypothesis("time_offset", "rgb", support("images.order_renumbered"), -lost[0] * period_ms, "ms"),
+        Hypothesis("dropped_samples", "rgb", support("images.order_lost"), float(lost[0]), "samples"),
+        *of_order,
+    )
 
 
 def hypotheses_of_order(intervals: OutOfOrderIntervals) -> tuple[Hypothesis, ...]:

@@ -1,10 +1,19 @@
 """Sizes of faults that results state: deviations and vectors."""
 
 from collections.abc import Mapping
+from typing import Final
 
+import numpy as np
+
+from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
 from fedora_qa.faults.fault import Vector3
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.layout.canonical import is_flow_stream
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.facts import Facts
+
+_FEWEST_FRAMES: Final = 3
+"""Least number of frames for a period."""
 
 Results = Mapping[str, Result]
 """Results of a file, by check."""
@@ -64,3 +73,45 @@ def rgb_px_per_event_px(facts: Facts) -> float:
     cameras = facts.declared.cameras
     # A direction moves by f times its tangent in either image.
     return float(cameras["rgb"].K[0, 0] / cameras["events"].K[0, 0]) if {"rgb", "events"} <= cameras.keys() else 1.0
+
+
+def frames_lost_before(alarm: Alarm, facts: Facts) -> tuple[int, tuple[int, ...]]:
+    """Return the colour frame before which frames were lost and the following ones renumbered, and how many were lost.
+
+    Between the frames beside the loss the image moves on by several intervals of the flow, and does not return. Frames
+    that are stamped with their number then end early, by the frames that were lost; and the ratio to the flow is their
+    number and one, as far as the displacement is measured, which falls behind where it is long.
+
+    Parameters
+    ----------
+    alarm
+        Of ``images.order``.
+    facts
+        Of the file.
+
+    Returns
+    -------
+    frame
+        The first frame behind the loss; 0 where no frames were lost so.
+    counts
+        Numbers of lost frames that are possible, likeliest first; empty where no frames were lost so.
+    """
+    intervals = [feature for feature in alarm.statistic.features if isinstance(feature, OutOfOrderIntervals)]
+    clock, frame = facts.clocks.get("rgb"), alarm.finding.where.frame
+    if not intervals or clock is None or not frame or len(clock.times_ns) < _FEWEST_FRAMES:
+        return 0, ()
+    ratios = intervals[0].relative_ratios
+    if len(ratios) != 1 or intervals[0].frames_return is not False or ratios[0] < 1 + ALLOWED:
+        return 0, ()
+    period_ns = float(np.median(np.diff(clock.times_ns)))
+    # The last field of flow begins an interval before the end.
+    lasts_ns = [
+        int(other.times_ns[-1])
+        for stream, other in facts.clocks.items()
+        if stream != "rgb" and other.usable and not is_flow_stream(stream)
+    ]
+    if facts.events is not None:
+        lasts_ns.append(facts.events.last_ns)
+    # Whole periods by which half of the other streams go on.
+    missing = round((float(np.median(lasts_ns)) - int(clock.times_ns[-1])) / period_ns) if lasts_ns else 0
+    return frame, tuple(dict.fromkeys(count for count in (missing, round(ratios[0]) - 1) if count > 0))

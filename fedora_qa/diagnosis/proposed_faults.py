@@ -20,6 +20,7 @@ from fedora_qa.diagnosis.measured_sizes import (
     Results,
     deviation,
     flow_vector,
+    frames_lost_before,
     measured,
     rgb_px_per_event_px,
     vector,
@@ -161,6 +162,11 @@ def _clock_shift(fit: FittedCause) -> Faults:
         # An offset of the whole clock would displace the timestamps that are correct. One of two roundings is as well a
         # drift of the part.
         yield clocks.ClockShift(fit.stream, part.offset_ns, (part.first, part.last + 1))
+    if fit.stream == "rgb":
+        for frame, lost in (frames_lost_before(alarm, fit.facts) for alarm in fit.alarms):
+            period_ns = float(np.median(np.diff(fit.facts.clocks["rgb"].times_ns))) if lost else 0.0
+            for count in lost:
+                yield clocks.ClockShift("rgb", -count * period_ns, (frame, None))
     offset_ns = fit.size * NS_PER_MS
     yield clocks.ClockShift(fit.stream, offset_ns)
     features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)

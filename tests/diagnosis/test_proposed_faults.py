@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
+from fedora_qa.checks.images.order import OutOfOrderIntervals
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
@@ -215,6 +217,48 @@ def test_a_rate_of_a_part_of_a_clock_is_undone_there_first() -> None:
     undone_ns = undo(lambda start, stop: times_ns[start:stop], 0, len(times_ns))
     np.testing.assert_allclose(undone_ns, clock.times_ns, rtol=0, atol=1500)
     assert len(whole) == len(list(faults_for("clock_rate", "imu", 300.0, (), {}, facts)))
+
+
+@pytest.mark.parametrize(
+    ("missing", "ratio", "counts"), [(2, 3.1, (2,)), (2, 2.2, (2, 1)), (0, 3.1, (2,))], ids=["both", "far", "padded"]
+)
+def test_frames_behind_a_loss_are_undone_as_early(missing: int, ratio: float, counts: tuple[int, ...]) -> None:
+    """Frames were lost before frame 2 and the others renumbered: they are early by the periods that the end lacks.
+
+    A displacement over several intervals may be measured too short; a file may be cut to its shortest stream.
+    """
+    facts = facts_of(memory_sequence())
+    clock = facts.clocks["rgb"]
+    kept = replace(clock, times_ns=clock.times_ns[: len(clock.times_ns) - missing])
+    lost = replace(facts, clocks={**facts.clocks, "rgb": kept})
+    moves_on = OutOfOrderIntervals((ratio,), frames_return=False, isolated=True)
+    of_order = alarm("images.order.share", moves_on)
+    of_order = replace(of_order, finding=replace(of_order.finding, where=Where(stream="rgb", frame=2)))
+    period_ns = float(np.median(np.diff(clock.times_ns)))
+    first, second = hypotheses_of(of_order, lost)[:2]
+    assert (first.cause, first.magnitude) == ("time_offset", -counts[0] * period_ns / NS_PER_MS)
+    assert (second.cause, second.magnitude) == ("dropped_samples", counts[0])
+    *parts, whole = faults_for("time_offset", "rgb", first.magnitude, (of_order,), {}, lost)
+    assert parts == [ClockShift("rgb", -count * period_ns, (2, None)) for count in counts]
+    assert whole == ClockShift("rgb", -counts[0] * period_ns)
+
+
+@pytest.mark.parametrize(
+    "intervals",
+    [
+        OutOfOrderIntervals((2.0,), frames_return=True, isolated=False),
+        OutOfOrderIntervals((-1.0,), frames_return=False, isolated=True),
+        OutOfOrderIntervals((3.0, 3.1), frames_return=False, isolated=True),
+        OutOfOrderIntervals((3.0,), frames_return=None, isolated=True),
+    ],
+    ids=["returns", "backwards", "twice", "not measured"],
+)
+def test_other_frames_out_of_order_were_not_renumbered(intervals: OutOfOrderIntervals) -> None:
+    """A frame that returns to its place, or an image that is moved, leaves the others where they are."""
+    facts, of_order = facts_of(memory_sequence()), alarm("images.order.share", intervals)
+    of_order = replace(of_order, finding=replace(of_order.finding, where=Where(stream="rgb", frame=2)))
+    assert all(hypothesis.cause != "time_offset" for hypothesis in hypotheses_of(of_order, facts))
+    assert list(faults_for("time_offset", "rgb", 3.0, (of_order,), {}, facts)) == [ClockShift("rgb", 3.0 * NS_PER_MS)]
 
 
 def test_a_slew_is_undone_with_the_offset_that_it_leaves() -> None:
