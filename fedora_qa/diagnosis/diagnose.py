@@ -27,7 +27,7 @@ from fedora_qa.diagnosis.conclusion import (
     is_excluded,
     status_of,
 )
-from fedora_qa.diagnosis.direct import check_of_code, clears_by_construction, is_direct
+from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
 from fedora_qa.diagnosis.vetoes import ClockPlace, contradicts
@@ -247,7 +247,9 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
         # Deviations that only the trial has brought about count against it.
         cleared = len(trial.cleared) / (len(trial.cleared) + len(trial.caused) + len(trial.crashed))
         prior = evidence.get(finding)
-        if clears_by_construction(candidate.cause, codes[finding]):
+        # A wrong period is one of the clock, whatever the sign of its size; a grid is no effect of an offset or a rate.
+        is_own = prior is None and check_of_code(codes[finding]) in CHECKS_OF_CLOCKS
+        if clears_by_construction(candidate.cause, codes[finding]) and not is_own:
             continue
         if prior is None:
             # A finding that no check would explain by the cause may clear by chance: a shift undoes a delay where the

@@ -67,6 +67,9 @@ _LOCAL_RULES: Final = frozenset(
     }
 )
 
+CHECKS_OF_CLOCKS: Final = frozenset({"clocks.order", "clocks.rate"})
+"""Checks whose deviation is a clock's own: what clears it is a fault of the clock, though any such fault may."""
+
 _BY_CONSTRUCTION: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "unsorted": ("clocks.order",),
