@@ -232,9 +232,7 @@ def odd_mounting(facts: Facts) -> MountingRotation | None:
     MountingRotation | None
         Of that camera against the others, of up to 10 deg; None without other cameras, or where several differ.
     """
-    cameras = {
-        name: camera for name, camera in facts.declared.cameras.items() if np.isfinite(camera.T_body_camera).all()
-    }
+    cameras = {name: camera for name, camera in facts.declared.cameras.items() if _is_rotated(camera)}
     odd = [
         (name, others[0])
         for name, camera in cameras.items()
@@ -251,6 +249,12 @@ def odd_mounting(facts: Facts) -> MountingRotation | None:
     R = other.T_body_camera[:3, :3].T @ cameras[name].T_body_camera[:3, :3]
     x_deg, y_deg, z_deg = (float(angle) for angle in Rotation.from_matrix(R).as_rotvec(degrees=True))
     return MountingRotation("metadata", (x_deg, y_deg, z_deg), name)
+
+
+def _is_rotated(camera: Camera) -> bool:
+    """Whether the declared mounting has a rotation, not a mirroring or another matrix."""
+    R = camera.T_body_camera[:3, :3]
+    return bool(np.isfinite(R).all() and np.abs(R.T @ R - np.eye(3)).max() <= AXES_AGREE and np.linalg.det(R) > 0)
 
 
 def _has_axes_of(camera1: Camera, camera2: Camera) -> bool:
