@@ -144,7 +144,7 @@ def rig(**rotations_deg: tuple[float, float, float]) -> Facts:
 
 
 @pytest.mark.parametrize("name", ["rgb", "depth", "events"])
-def test_the_odd_camera_is_told_with_its_rotation(name: str) -> None:
+def test_the_odd_camera_is_identified_with_its_rotation(name: str) -> None:
     """Undone, it is parallel to the others."""
     facts = rig(**{name: (0.31, -1.27, 0.83)})
     odd = odd_mounting(facts)

@@ -31,7 +31,7 @@ def best_model(shifts_px: Float64) -> tuple[ShiftFieldModel, tuple[float, ...]]:
 
 @settings(max_examples=25, deadline=None)
 @given(percent=st.floats(1, 8).flatmap(lambda size: st.sampled_from([size, -size])), outliers=st.integers(0, 4))
-def test_another_focal_length_is_told_from_a_rotation_and_a_shift(percent: float, outliers: int) -> None:
+def test_another_focal_length_is_distinguished_from_a_rotation_and_a_shift(percent: float, outliers: int) -> None:
     """Also where some tiles have peaks at wrong edges."""
     wider = K * np.array([[1 + percent / 100, 1, 1], [1, 1 + percent / 100, 1], [1, 1, 1]])
     shifts_px = shifts_of(wider, np.zeros(3))
@@ -43,7 +43,7 @@ def test_another_focal_length_is_told_from_a_rotation_and_a_shift(percent: float
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(1, 4), st.integers(0, 10_000))
-def test_a_rotation_is_told_with_its_axis(angle_deg: float, seed: int) -> None:
+def test_a_rotation_is_estimated_with_its_axis(angle_deg: float, seed: int) -> None:
     """To first order in the angle; a pitch is no shift, as it moves the edges of a wide image further."""
     axis = np.random.default_rng(seed).normal(size=3)
     rotation = np.deg2rad(angle_deg) * axis / np.linalg.norm(axis)
