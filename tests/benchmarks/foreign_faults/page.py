@@ -21,7 +21,7 @@ Written by `make study-named-foreign`, {date}: {files} files with {kinds} kinds 
 code, place or size with the faults that the generator plants. Sizes are log-uniform within the range of their kind. All
 kinds of the last round, the second, are held out: nobody looks at their outcomes while the diagnosis is built. A third
 of the first round was held out until 2026-11-27, and has been looked at since. Of held-out kinds no
-outcome is listed: their columns are 0.
+outcome is listed.
 
 - *Found*: at least one check failed.
 - *Named first*: the first diagnosis has the right cause and stream. The share is of the files that were found.
@@ -83,7 +83,7 @@ def page(kinds: Sequence[Kind], outcomes: Sequence[Outcome], size: Size) -> Iter
                 second = "both named" if suffix == ", two faults" else "second"
                 yield TABLE.format(title=title.capitalize() + suffix, second=second)
                 # Whoever reads the page must not see how held-out kinds fail.
-                yield from (_row(kind, () if kind.held_out else files[kind.name]) for kind in rows)
+                yield from (_row(kind, None if kind.held_out else files[kind.name]) for kind in rows)
     yield BY_STATUS.format(confidence=CONFIDENCE)
     for title, group in groups.items():
         yield from _by_status(title, group, files)
@@ -116,7 +116,13 @@ def _totals(title: str, kinds: Sequence[Kind], files: Files) -> Iterator[str]:
         )
 
 
-def _row(kind: Kind, outcomes: Sequence[Outcome]) -> str:
+def _row(kind: Kind, outcomes: Sequence[Outcome] | None) -> str:
+    """Return the row of a kind; without outcomes the columns of these are empty."""
+    size = "" if kind.size is None else f"{kind.size.low:g} to {kind.size.high:g} {kind.size.unit}"
+    truth = (" and " if kind.composite else " or ").join(kind.truth) or "none"
+    described = f"| {kind.name} | {kind.pipeline} | {size} | {'local' if kind.local else 'whole'} | {truth} "
+    if outcomes is None:
+        return f"{described}| | | | | |\n"
     detected = [outcome for outcome in outcomes if outcome.is_found]
     first = sum(outcome.is_first_right(kind) for outcome in detected)
     second = sum(
@@ -128,12 +134,7 @@ def _row(kind: Kind, outcomes: Sequence[Outcome]) -> str:
         if not outcome.is_first_right(kind)
     )
     named = ", ".join(f"{name} {count}" for name, count in instead.most_common())
-    size = "" if kind.size is None else f"{kind.size.low:g} to {kind.size.high:g} {kind.size.unit}"
-    truth = (" and " if kind.composite else " or ").join(kind.truth) or "none"
-    return (
-        f"| {kind.name} | {kind.pipeline} | {size} | {'local' if kind.local else 'whole'} | {truth} | {len(outcomes)} "
-        f"| {len(detected)} | {first} | {second} | {named} |\n"
-    )
+    return f"{described}| {len(outcomes)} | {len(detected)} | {first} | {second} | {named} |\n"
 
 
 def _by_status(title: str, kinds: Sequence[Kind], files: Files) -> Iterator[str]:
