@@ -220,7 +220,7 @@ def odd_mounting(facts: Facts) -> MountingRotation | None:
     """Return the rotation of the one camera whose axes differ from the common axes of all others.
 
     Cameras of one rig look in one direction. A camera that does not, by an angle that nobody chose (``is_chosen``), is
-    declared wrongly, or was bent.
+    declared wrongly, or was bent. One that looks far away, by whatever angle, shows nothing of what the others show.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def odd_mounting(facts: Facts) -> MountingRotation | None:
     Returns
     -------
     MountingRotation | None
-        Of that camera against the others, of up to 10 deg; None without other cameras, or where several differ.
+        Of that camera against the others; None without other cameras, or where several differ.
     """
     cameras = {name: camera for name, camera in facts.declared.cameras.items() if _is_rotated(camera)}
     odd = [
@@ -239,10 +239,10 @@ def odd_mounting(facts: Facts) -> MountingRotation | None:
         if (others := [other for other_name, other in cameras.items() if other_name != name])
         and all(_has_axes_of(others[0], other) for other in others)
         and not _has_axes_of(others[0], camera)
-        and not is_chosen(camera, "extrinsic_rotation")
+        and not (is_about_parallel(others[0], camera) and is_chosen(camera, "extrinsic_rotation"))
     ]
     # Of two cameras that differ, neither is odd unless the numbers of the other were chosen.
-    if len(odd) != 1 or not is_about_parallel(cameras[odd[0][0]], odd[0][1]):
+    if len(odd) != 1:
         return None
     ((name, other),) = odd
     # R_odd = R_others Exp(rotation).

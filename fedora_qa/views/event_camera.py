@@ -1,8 +1,8 @@
 """Events of a window on the sensor, the step of their timestamps, and frames resampled to its pixels."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import cv2
 import numpy as np
@@ -40,6 +40,9 @@ AXES_AGREE: Final = 1e-6
 
 _FARTHEST_ROTATION_RAD: Final = np.deg2rad(10.0)
 """Rows of a camera are slanted lines in a camera that is rotated further."""
+
+_TURNS: Final = 4
+"""Quarter turns of a whole turn."""
 
 
 def all_events(window: Window) -> Events:
@@ -298,8 +301,7 @@ def _footprint_axis(
     window: Window, row: int, axis: int, shape_frame: tuple[int, int], *, at_corners: bool
 ) -> NDArray[Any]:
     """Return the packed axis of the footprints along rows (0) or columns (1), which is that of every frame."""
-    cameras = window.facts.declared.cameras
-    K_frame, K_event = cameras["rgb"].K, cameras["events"].K.copy()
+    K_frame, K_event = turned_colour_camera(window.facts.declared).K, window.facts.declared.cameras["events"].K.copy()
     if at_corners:
         # A ray at u + 1/2 is at u once the principal point is moved by -1/2.
         K_event[:2, 2] -= 0.5
@@ -429,16 +431,23 @@ def _levels(uniform_dn: NDArray[np.float32], declared: EventModel) -> NDArray[np
     return level
 
 
-def why_frames_and_events_do_not_meet(facts: Facts, *, rotated: bool = False) -> str:
+Axes = Literal["equal", "near", "any"]
+"""Which difference between the axes of colour and event camera a check allows."""
+
+
+def why_frames_and_events_do_not_meet(facts: Facts, *, axes: Axes = "equal") -> str:
     """Return why frames cannot be resampled to the event camera's pixels; empty where they can.
 
     Parameters
     ----------
     facts
         With the declared cameras and the event sensor.
-    rotated
-        Whether the axes of pinhole cameras without distortion may differ, as by ``is_about_parallel``. Frames are then
-        interpolated, which moves no edge, but blurs them: for checks of positions.
+    axes
+        ``equal``: the axes agree up to quarter turns about the optical axis, as of a sensor that is mounted in
+        portrait, which exchange rows and columns and change no value. Cameras with a lens may not be turned. ``near``:
+        those of cameras without a lens may differ by 10 deg. Frames are then interpolated, which moves no edge, but
+        blurs them: for checks of positions. ``any``: neither axes nor centres need to agree, and frames are resampled
+        as if they did (``look_apart``).
 
     Returns
     -------
@@ -455,12 +464,15 @@ def why_frames_and_events_do_not_meet(facts: Facts, *, rotated: bool = False) ->
         return f"Expected pinhole cameras, got {rgb.model} (rgb) and {event.model} (events)"
     if not (_is_without_skew(rgb) and _is_without_skew(event)):
         return "K of the cameras rgb and events is not that of pinhole cameras without skew"
-    difference = np.abs(rgb.T_body_camera - event.T_body_camera)
-    if not difference[:3, 3].max() <= CENTRES_AGREE_M:
-        return "the cameras rgb and events do not share one centre; the check does not reproject frames through depth"
-    may_differ = rotated and rgb.lens is event.lens is None and is_about_parallel(rgb, event)
-    if not difference[:3, :3].max() <= AXES_AGREE and not may_differ:
-        return "the optical axes of the cameras rgb and events differ"
+    if axes != "any":
+        difference = np.abs(rgb.T_body_camera - event.T_body_camera)
+        if not difference[:3, 3].max() <= CENTRES_AGREE_M:
+            return (
+                "the cameras rgb and events do not share one centre; the check does not reproject frames through depth"
+            )
+        turned = rgb.lens is event.lens is None and _differ_by_quarters(rgb, event, about=axes == "near")
+        if not difference[:3, :3].max() <= AXES_AGREE and not turned:
+            return "the optical axes of the cameras rgb and events differ"
     # One lens images a ray at one point of both image planes, so that footprints need K alone.
     return why_not_one_lens(rgb, event, ("rgb", "events"))
 
@@ -468,10 +480,72 @@ def why_frames_and_events_do_not_meet(facts: Facts, *, rotated: bool = False) ->
 def is_about_parallel(camera1: Camera, camera2: Camera) -> bool:
     """Whether the axes of two cameras differ by a rotation of 10 deg at most."""
     R_second_first = camera2.T_body_camera[:3, :3].T @ camera1.T_body_camera[:3, :3]
-    if np.abs(R_second_first @ R_second_first.T - np.eye(3)).max() > AXES_AGREE:
-        return False
+    return _is_small(R_second_first)
+
+
+def _differ_by_quarters(rgb: Camera, events: Camera, *, about: bool) -> bool:
+    """Whether the axes differ by quarter turns about the optical axis; ``about``: up to a rotation of 10 deg."""
+    R_rgb_events = rgb.T_body_camera[:3, :3].T @ events.T_body_camera[:3, :3]
+    rest = _quarters_about_z(quarter_turns(rgb, events)).T @ R_rgb_events
+    return _is_small(rest) if about else _is_identity(rest)
+
+
+def look_apart(declared: Declared) -> bool:
+    """Whether the declared axes of colour and event camera differ by more than 10 deg, beside ``quarter_turns``."""
+    rgb, events = declared.cameras["rgb"], declared.cameras["events"]
+    R_rgb_events = rgb.T_body_camera[:3, :3].T @ events.T_body_camera[:3, :3]
+    return _is_rotation(R_rgb_events) and not _differ_by_quarters(rgb, events, about=True)
+
+
+def quarter_turns(rgb: Camera, events: Camera) -> int:
+    """Return how many quarter turns, from x to y, bring the axes of the colour camera within 10 deg of those of events.
+
+    0 to 3; 0 where none do.
+    """
+    R_rgb_events = rgb.T_body_camera[:3, :3].T @ events.T_body_camera[:3, :3]
+    turned = (turns for turns in range(_TURNS) if _is_small(_quarters_about_z(turns).T @ R_rgb_events))
+    return next(turned, 0)
+
+
+def turned_colour_camera(declared: Declared) -> Camera:
+    """Return the colour camera after ``quarter_turns``: the camera of ``turned_frame``."""
+    camera = declared.cameras["rgb"]
+    turns = quarter_turns(camera, declared.cameras["events"])
+    K, width, height = camera.K, camera.width, camera.height
+    for _ in range(turns):
+        # After a quarter turn column u' is row v, and row v' is column W - 1 - u.
+        K = np.array([[K[1, 1], 0.0, K[1, 2]], [0.0, K[0, 0], width - 1 - K[0, 2]], [0.0, 0.0, 1.0]])
+        width, height = height, width
+    T_body_camera = camera.T_body_camera.copy()
+    T_body_camera[:3, :3] = T_body_camera[:3, :3] @ _quarters_about_z(turns)
+    return replace(camera, K=K, width=width, height=height, T_body_camera=T_body_camera) if turns else camera
+
+
+def turned_frame(window: Window, image: NDArray[Any]) -> NDArray[Any]:
+    """Return a colour frame (h, w, ...) as the colour camera sees it after ``quarter_turns``."""
+    cameras = window.facts.declared.cameras
+    turns = quarter_turns(cameras["rgb"], cameras["events"])
+    return np.ascontiguousarray(np.rot90(image, turns)) if turns else image
+
+
+def _quarters_about_z(turns: int) -> NDArray[np.float64]:
+    cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[turns]
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _is_rotation(R: NDArray[np.float64]) -> bool:
+    """Whether a matrix (3, 3), not a number where it is damaged, is orthogonal."""
+    return bool(np.abs(R @ R.T - np.eye(3)).max() <= AXES_AGREE)
+
+
+def _is_identity(R: NDArray[np.float64]) -> bool:
+    return bool(np.abs(R - np.eye(3)).max() <= AXES_AGREE)
+
+
+def _is_small(R: NDArray[np.float64]) -> bool:
+    """Whether a rotation is one of 10 deg at most."""
     # The trace of a rotation is 1 + 2 cos(angle).
-    return bool(np.trace(R_second_first) >= 1 + 2 * np.cos(_FARTHEST_ROTATION_RAD))
+    return _is_rotation(R) and bool(np.trace(R) >= 1 + 2 * np.cos(_FARTHEST_ROTATION_RAD))
 
 
 def why_not_one_lens(camera1: Camera, camera2: Camera, names: tuple[str, str]) -> str:
@@ -551,11 +625,13 @@ def _in_axes_of_events(
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return a frame as a colour camera with the axes of the event camera would see it.
 
-    Pixels between others are interpolated linearly; those that no pixel of the frame sees count as clipped.
+    Quarter turns change no value. Pixels between others are interpolated linearly; those that no pixel of the frame
+    sees count as clipped. Of cameras that look apart, the frame is returned as if they did not.
     """
-    rgb, events = (window.facts.declared.cameras[name] for name in ("rgb", "events"))
+    rgb, events = turned_colour_camera(window.facts.declared), window.facts.declared.cameras["events"]
+    luma, clipped_px = turned_frame(window, luma), turned_frame(window, clipped_px)
     R_rgb_events = rgb.T_body_camera[:3, :3].T @ events.T_body_camera[:3, :3]
-    if np.abs(R_rgb_events - np.eye(3)).max() <= AXES_AGREE:
+    if _is_identity(R_rgb_events) or look_apart(window.facts.declared):
         return luma, clipped_px
     # u_rgb ~ K R_rgb_events K^-1 u (Hartley and Zisserman 2004, section 8.4).
     homography = rgb.K @ R_rgb_events @ np.linalg.inv(rgb.K)

@@ -161,13 +161,20 @@ def test_the_odd_camera_is_identified_with_its_rotation(name: str) -> None:
     assert bool(of_declared_cameras(alarm("flow_geometry.endpoint.error"), facts)) == (name == "depth")
 
 
+@pytest.mark.parametrize("rotation_deg", [(31.3, -12.7, 8.3), (0.0, 0.0, 90.0), (0.0, 45.0, 0.0)])
+def test_a_camera_that_looks_elsewhere_is_odd(rotation_deg: tuple[float, float, float]) -> None:
+    """By whatever angle, also one that somebody chose."""
+    odd = odd_mounting(rig(events=rotation_deg))
+    assert odd is not None
+    assert (odd.camera, odd.rotation_deg) == ("events", pytest.approx(rotation_deg))
+
+
 @pytest.mark.parametrize(
     "rotations",
     [
         pytest.param({}, id="parallel"),
         pytest.param({"depth": (5.0, 0.0, 0.0)}, id="an angle that somebody chose"),
         pytest.param({"depth": (0.31, -1.27, 0.83), "rgb": (1.0, 0.2, -0.4)}, id="all differ"),
-        pytest.param({"depth": (31.3, -12.7, 8.3)}, id="another view"),
     ],
 )
 def test_no_camera_is_odd(rotations: dict[str, tuple[float, float, float]]) -> None:

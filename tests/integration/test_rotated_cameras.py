@@ -18,6 +18,9 @@ from tests.support.sequences import small_scene
 from tests.support.shared_files import SharedFiles
 
 ROTATION_DEG = (0.6, -0.8, 3.0)
+QUARTER = Rotation.from_euler("z", 90, degrees=True)
+AXES_OF_BODY = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]).inv()
+"""An optical camera with these axes has those of the body: x ahead, y left, z up."""
 POSITIONS = ("event_response.alignment", "alignment.events")
 
 
@@ -84,6 +87,70 @@ def test_a_mounting_that_nobody_chose_is_named(parallel: Path, tmp_path: Path) -
     first = check_file(path, CheckOptions(evidence=None)).record.diagnoses[0]
     assert (first.cause, first.stream) == ("extrinsic_rotation", "metadata")
     assert first.cleared
+
+
+def mounted(path: Path, rotation: Rotation, name: str = "events") -> None:
+    """Declare another mounting of a camera."""
+    with h5py.File(path, "r+") as file:
+        camera = file[f"metadata/cameras/{name}"].attrs
+        T_body_camera = np.array(camera["T_body_camera"])
+        T_body_camera[:3, :3] = T_body_camera[:3, :3] @ rotation.as_matrix()
+        camera["T_body_camera"] = T_body_camera
+
+
+@pytest.fixture
+def portrait(parallel: Path, tmp_path: Path) -> Path:
+    """A copy whose event camera is mounted in portrait, in its events and in its declaration."""
+    path = Path(copy(parallel, tmp_path / "portrait.h5"))
+    with h5py.File(path, "r+") as file:
+        camera, events = file["metadata/cameras/events"].attrs, file["path/events"]
+        K, width, height = np.array(camera["K"]), camera["width"], camera["height"]
+        # Turned by a quarter from x to y, a pixel that lay at (u, v) lies at (v, W - 1 - u).
+        x, y = events["x"][()], events["y"][()]
+        events["x"][...], events["y"][...] = y, width - 1 - x
+        camera["K"] = [[K[1, 1], 0, K[1, 2]], [0, K[0, 0], width - 1 - K[0, 2]], [0, 0, 1]]
+        camera["width"], camera["height"] = height, width
+    mounted(path, QUARTER)
+    return path
+
+
+def test_a_camera_in_portrait_is_compared_as_one_in_landscape(parallel: Path, portrait: Path) -> None:
+    """Quarter turns move values and change none: every check of events and frames gives the same."""
+    for check in ("event_response.orientation", "event_response.threshold", "event_response.conservation"):
+        upright, turned = run_check(parallel, check), run_check(portrait, check)
+        assert upright.outcome == turned.outcome == "passed"
+        assert turned.measurements[0].value == pytest.approx(upright.measurements[0].value, rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "rotation",
+    [
+        QUARTER,
+        Rotation.from_euler("z", 180, degrees=True),
+        Rotation.from_euler("xy", (35, -20), degrees=True),
+        AXES_OF_BODY,
+    ],
+    ids=["quarter", "half", "far", "axes of the body"],
+)
+def test_a_mounting_that_looks_elsewhere_is_named(parallel: Path, tmp_path: Path, rotation: Rotation) -> None:
+    """Events follow the frames as if both cameras looked one way, whatever mounting is declared."""
+    path = Path(copy(parallel, tmp_path / "elsewhere.h5"))
+    mounted(path, rotation)
+    first = check_file(path, CheckOptions(evidence=None)).record.diagnoses[0]
+    assert (first.cause, first.stream, first.status) == ("extrinsic_rotation", "metadata", "confirmed")
+    assert abs(first.magnitude or 0.0) == pytest.approx(np.rad2deg(rotation.magnitude()), abs=1e-3)
+
+
+def test_cameras_that_look_apart_show_different_things(parallel: Path, tmp_path: Path) -> None:
+    """Events of what another camera sees agree with the frames under no orientation."""
+    path = Path(copy(parallel, tmp_path / "apart.h5"))
+    mounted(path, Rotation.from_euler("y", 70, degrees=True))
+    with h5py.File(path, "r+") as file:
+        camera, columns = file["metadata/cameras/events"].attrs, file["path/events/x"]
+        # Half of the image beside each other stands for a view of other things.
+        columns[...] = (columns[()] + camera["width"] // 2) % camera["width"]
+    # A second of so small an image need not decide it.
+    assert run_check(path, "event_response.orientation").outcome in {"passed", "not_observable"}
 
 
 def test_a_focal_length_is_named_with_its_size(parallel: Path, tmp_path: Path) -> None:

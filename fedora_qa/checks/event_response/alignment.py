@@ -201,7 +201,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
 
     def not_applicable(self, facts: Facts) -> str:
         """Require both cameras at one place, whose axes differ by 10 deg at most, and declared thresholds."""
-        return why_frames_and_events_do_not_meet(facts, rotated=True)
+        return why_frames_and_events_do_not_meet(facts, axes="near")
 
     def measure(self, window: Window) -> ShiftCorrelations | None:
         """Correlate some intervals of the window."""

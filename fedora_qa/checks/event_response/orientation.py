@@ -1,6 +1,6 @@
 """Events against log intensity: axes, directions and sign."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,10 +21,12 @@ from fedora_qa.estimators.events.orientation import (
 from fedora_qa.estimators.fitting.robust import jackknife_errors
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_blocks import block_moments
 from fedora_qa.views.event_camera import (
+    look_apart,
     place_of_segment,
     place_of_tiles,
     why_frames_and_events_do_not_meet,
@@ -114,6 +116,10 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     The same comparison is made for each window, and for each tile over all windows, so that a segment or a region with
     another convention is detected and located, where at least a quarter agrees.
 
+    Cameras whose declared axes differ by more than 10 deg, beside quarter turns about the optical axis, show different
+    things. Their events and frames are compared as if they looked one way, and must not reach half of the expected
+    correlation under any orientation: else the mounting of one camera is declared wrongly.
+
     Noise model
     -----------
     Between events, the level of a pixel is uncertain within C+ and C-, which gives a change a variance of 2/3 C+ C-,
@@ -136,8 +142,11 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require both cameras at one place, and declared thresholds."""
-        return why_frames_and_events_do_not_meet(facts)
+        """Require both cameras at one place or declared to look apart, and declared thresholds."""
+        reason = why_frames_and_events_do_not_meet(facts)
+        if reason and not why_frames_and_events_do_not_meet(facts, axes="any") and look_apart(facts.declared):
+            return ""
+        return reason
 
     def measure(self, window: Window) -> OrientationMoments | None:
         """Correlate frames and events of one window under the eight symmetries."""
@@ -171,6 +180,8 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
                 coverage,
                 unobservable=f"frames change too little: the expected correlation is only {predicted[best]:.2g}",
             )
+        if look_apart(facts.declared):
+            return Observation(coverage, (_as_if_parallel(by_change[best], predicted[best], facts.declared),))
         statistics = [*_whole(by_change[best], predicted[best])]
         # The segment of time and the region whose correlation increases most by another orientation.
         segment = most_reoriented([window.steps for window in state], noise)
@@ -198,20 +209,14 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
     # Another orientation counts only if it reaches half of the predicted correlation, and more than the declared one.
     is_clear = alternatives[orientation] > max(predicted / 2, correlations[0])
     features = (symmetry,) if is_clear else ()
-    # Blocks of one moving texture are not independent: three times the error of independent blocks, 1 / sqrt(n).
-    floor = 3 / float(np.sqrt(max(sums[:, 0, 0].sum(), 1.0)))
-    errors = floor, floor
-    if len(sums) >= FEWEST_WINDOWS:
-        left_out = [ChangeMoments(sums.sum(axis=0) - window).correlations() for window in sums]
-        values = np.array([(each[0], other_correlations(each)[orientation] - each[0]) for each in left_out])
-        spread = jackknife_errors(values)
-        # With enough windows the jackknife counts, but never less than the error of independent blocks.
-        errors = max(float(spread[0]), floor / 3), max(float(spread[1]), floor / 3)
+    error, error_of_advantage = _errors(
+        sums, lambda moments: _agreement_and_advantage(moments.correlations(), orientation)
+    )
     agreement = Statistic(
         name="correlation",
         value=float(correlations[0]),
         unit="1",
-        standard_error=errors[0],
+        standard_error=error,
         expected=predicted,
         model_error_bound=predicted / 2,
         side="lower",
@@ -226,7 +231,7 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
         name="advantage_of_another_orientation",
         value=float(alternatives[orientation] - correlations[0]),
         unit="1",
-        standard_error=errors[1],
+        standard_error=error_of_advantage,
         side="upper",
         # Excess of the correct orientation over an unrelated one, if another orientation is correct.
         blind_from=float(np.max(np.abs(correlations))),
@@ -238,6 +243,53 @@ def _whole(sums: Float64, predicted: float) -> tuple[Statistic, Statistic]:
         features=features,
     )
     return agreement, alternative
+
+
+def _as_if_parallel(sums: Float64, predicted: float, declared: Declared) -> Statistic:
+    """Return the best correlation under all orientations of cameras that are declared to look apart.
+
+    Their images show different things, so that none must reach half of the predicted correlation. ``sums`` (w, 8, 6)
+    are the moments of the windows.
+    """
+    correlations = ChangeMoments(sums.sum(axis=0)).correlations()
+    best = int(np.argmax(np.abs(correlations)))
+    rgb, events = (declared.cameras[name].T_body_camera[:3, :3] for name in ("rgb", "events"))
+    # The trace of a rotation is 1 + 2 cos(angle).
+    angle_deg = float(np.rad2deg(np.arccos(np.clip((np.trace(rgb.T @ events) - 1) / 2, -1.0, 1.0))))
+    return Statistic(
+        name="advantage_of_another_orientation",
+        value=float(abs(correlations[best])),
+        unit="1",
+        standard_error=_errors(sums, lambda moments: (float(moments.correlations()[best]),))[0],
+        model_error_bound=predicted / 2,
+        side="upper",
+        # The correlation if the cameras look one way.
+        blind_from=predicted,
+        tests=2 * len(SYMMETRIES),
+        statement=f"Events agree with the frames as if both cameras looked one way: correlation "
+        f"{abs(correlations[best]):.2g}; their declared axes differ by {angle_deg:.3g} deg.",
+        code="event_response.orientation.other",
+        where=Where(stream="events"),
+    )
+
+
+def _agreement_and_advantage(correlations: Float64, orientation: int) -> tuple[float, float]:
+    """Return the declared correlation (of 8), and the excess of that of another orientation."""
+    return float(correlations[0]), float(other_correlations(correlations)[orientation] - correlations[0])
+
+
+def _errors(sums: Float64, values_of: Callable[[ChangeMoments], tuple[float, ...]]) -> list[float]:
+    """Return the standard errors of values of the moments of all windows.
+
+    Blocks of one moving texture are not independent: three times the error of independent blocks, 1 / sqrt(n). With
+    enough windows the jackknife counts, but never less than the error of independent blocks.
+    """
+    floor = 3 / float(np.sqrt(max(sums[:, 0, 0].sum(), 1.0)))
+    total = sums.sum(axis=0)
+    if len(sums) < FEWEST_WINDOWS:
+        return [floor for _ in values_of(ChangeMoments(total))]
+    left_out = np.array([values_of(ChangeMoments(total - window)) for window in sums])
+    return [max(float(error), floor / 3) for error in jackknife_errors(left_out)]
 
 
 def _part(name: str, rule: str, part: PartOrientation, where: Where, place: str) -> Statistic:

@@ -31,6 +31,7 @@ from fedora_qa.views.event_camera import (
     local_tick_ns,
     pixel_events,
     resampled_frames,
+    turned_frame,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.views.level_samples import FEWEST_PAIRS, LINEAR_LEAST_TICKS, hot_pixels, least_dn
@@ -137,7 +138,7 @@ def _colour_sums(window: Window) -> ColourSums | None:
         at_start, at_end = pairs.earlier == i, pairs.later == i
         if not (at_start.any() or at_end.any()):
             continue
-        rgb = window.rgb(int(frame))
+        rgb = turned_frame(window, window.rgb(int(frame)))
         count_codes(rgb, _SAMPLED_EVERY_PX, codes)
         prints = event_footprints(window, (rgb.shape[0], rgb.shape[1]))
         for at_frame, rgb_dn in zip((at_start, at_end), colours, strict=True):
