@@ -77,7 +77,8 @@ def hypotheses_of_symmetry(symmetry: EventSymmetry) -> tuple[Hypothesis, ...]:
         ("mirrored", mirrored),
     )
     weight = support("event_response.orientation.symmetry")
-    of_events = tuple(Hypothesis(cause, "events", weight) for cause, applies in causes if applies)
+    names = [cause for cause, applies in causes if applies]
+    of_events = tuple(Hypothesis(cause, "events", weight, is_joint=len(names) > 1) for cause in names)
     if not mirrored or symmetry.swapped_axes:
         return of_events
     # Mirrored frames have the effect of mirrored events; axes of frames are not exchanged, as both sides differ.

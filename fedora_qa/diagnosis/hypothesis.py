@@ -53,6 +53,8 @@ class Hypothesis:
     magnitude, unit, standard_error
         Fitted size in the unit of the cause, and its standard error. Positive where timestamps are too late or values
         too large; None where the cause has no size.
+    is_joint
+        Whether the finding shows several causes at once, this one among them: to undo it alone changes nothing.
     """
 
     cause: str
@@ -61,6 +63,7 @@ class Hypothesis:
     magnitude: float | None = None
     unit: str = ""
     standard_error: float | None = None
+    is_joint: bool = False
 
 
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]

@@ -99,6 +99,9 @@ _TURNS_ALIKE_PERCENT: Final = 10.0
 unrelated motion is 0, and the limit, in which the residual counts, is as large as the error. An unrelated motion for a
 share of the time has that share of both."""
 
+_CORRELATED_FROM: Final = 3.1
+"""Standard errors of a positive correlation by which an unrelated stream exceeds 0 with a probability of 0.001."""
+
 _OWN: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({"pose": ("pose.orientation", "pose.continuity")})
 """Checks of a stream by itself that another sequence does not fail: where they fail, the stream does not correlate with
 others for that reason."""
@@ -210,18 +213,14 @@ def contradicts(
     """
     family = stream_family(stream)
     if cause == "other_sequence":
-        # A whole that correlates says nothing of a while in which single changes do not.
-        while_apart = family in ("rgb", "events") and _failed(results.get("event_response.frames"))
-        correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()) if not while_apart)
-        if family in ("imu", "pose"):
-            correlates |= _turns_alike(results.get("imu.rotation"))
-        disturbed = any(_failed(results.get(check)) for check in _OWN.get(family, ()))
-        return correlates or disturbed or _steps_back(results.get("clocks.order"), family)
-    if cause in ("time_offset", "clock_rate") and family in places:
-        offset_ms = magnitude if cause == "time_offset" else None
-        if places[family].excludes(offset_ms):
-            return True
-    if family == "pose" and cause in _ATTITUDE_CONVENTIONS and _turns_with_depth(results):
+        return _is_of_this_sequence(family, results)
+    offset_ms = magnitude if cause == "time_offset" else None
+    is_off_grid = cause in ("time_offset", "clock_rate") and family in places and places[family].excludes(offset_ms)
+    is_of_another_body = family == "pose" and cause in _ATTITUDE_CONVENTIONS and _turns_with_depth(results)
+    # An offset that leaves a correlation is within reach of ``event_response.timing``, which states its size.
+    is_unsized = cause in ("time_offset", "time_unit") and magnitude is None and family in ("rgb", "events")
+    is_within_reach = is_unsized and _changes_alike(results.get("event_response.orientation"))
+    if is_off_grid or is_of_another_body or is_within_reach:
         return True
     if (cause, family) in _IN_ORDER:
         return all(_passed(results.get(check)) for check in _IN_ORDER[cause, family])
@@ -237,6 +236,21 @@ def contradicts(
         # A fault larger than the limit would have exceeded it.
         return abs(magnitude) > (_largest_jump_that_passes(measurement) if is_jump else measurement.limit)
     return False
+
+
+def _is_of_this_sequence(family: str, results: Results) -> bool:
+    """Whether a stream correlates with others, or deviates for a reason that another sequence has not."""
+    # A whole that correlates says nothing of a while in which single changes do not.
+    while_apart = family in ("rgb", "events") and _failed(results.get("event_response.frames"))
+    correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()) if not while_apart)
+    if family in ("imu", "pose"):
+        correlates |= _turns_alike(results.get("imu.rotation"))
+    if family in ("rgb", "events") and not while_apart:
+        correlates |= _changes_alike(results.get("event_response.orientation"))
+        # Events without a sign follow no frames, of whatever sequence.
+        correlates |= _has_finding(results.get("event_stream.bounds"), "event_stream.bounds.one_polarity")
+    disturbed = any(_failed(results.get(check)) for check in _OWN.get(family, ()))
+    return correlates or disturbed or _steps_back(results.get("clocks.order"), family)
 
 
 def _largest_jump_that_passes(measurement: Measurement) -> float:
@@ -257,6 +271,19 @@ def _turns_with_depth(results: Results) -> bool:
     frames nor the gyro against the poses: it moves gravity alone.
     """
     return _passed(results.get("depth.consistency")) and _failed(results.get("imu.rotation"))
+
+
+def _changes_alike(result: Result | None) -> bool:
+    """Whether events follow the frames in part, as declared, or under another symmetry of the image and of the sign.
+
+    Events of another sequence have a correlation of 0 with its error, and under the best of all symmetries reach no
+    half of the expected one.
+    """
+    declared, advantage = measured(result, "correlation"), measured(result, "advantage_of_another_orientation")
+    if declared is None or declared.value is None or not declared.standard_error or declared.expected is None:
+        return False
+    best = declared.value + (advantage.value or 0.0 if advantage is not None else 0.0)
+    return declared.value > _CORRELATED_FROM * declared.standard_error or best > declared.expected / 2
 
 
 def _turns_alike(result: Result | None) -> bool:
@@ -280,6 +307,10 @@ def _frames_contradict(cause: str, stream: str, magnitude: float, result: Result
         if len(sizes) == len(_OF_FLOW[cause]) and abs(magnitude) > hypot(*sizes):
             return True
     return False
+
+
+def _has_finding(result: Result | None, code: str) -> bool:
+    return result is not None and any(finding.code == code for finding in result.findings)
 
 
 def _steps_back(result: Result | None, family: str) -> bool:

@@ -5,6 +5,9 @@ that were named, each tested alone, leave findings, or undoing brings some about
 undone in all windows, and causes are named for what then still fails, in the same way. This explanation counts if
 undoing its causes one after the other clears more findings than undoing each of them alone, or findings that the first
 had hidden, and leaves no finding that only undoing has brought about.
+
+Of causes that one finding shows together, such as inverted polarity of events that are upside down, none clears
+anything alone. The first of them is undone before any is tried.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -16,6 +19,7 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.diagnosis.conclusion import Trials, UndoTrial
 from fedora_qa.diagnosis.diagnose import choose_causes, key_of, rank_candidates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.diagnosis.vetoes import ClockPlace, places_of_clocks
 from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.cause_explanation import CauseExplanation
@@ -24,6 +28,9 @@ from fedora_qa.engine.trials import TrialBench, run_trials
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.judgement.materiality import Materiality
 from fedora_qa.record.types import Diagnosis
+
+_Key = tuple[str, str]
+"""Cause and stream."""
 
 
 def name_causes(
@@ -68,13 +75,17 @@ class _Round:
     trials: Trials
 
     @staticmethod
-    def tried(bench: TrialBench, progress: Progress) -> "_Round":
-        """Return the round of a run: propose causes, and undo the fault of each alone."""
+    def untried(bench: TrialBench) -> "_Round":
+        """Return the round of a run with the causes that are proposed, of which none was tried."""
         facts = bench.run.ready.facts
         hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in bench.alarms}
-        places = places_of_clocks(facts)
-        candidates = rank_candidates(bench.alarms, hypotheses, bench.run.strict, places)
-        return _Round(bench, hypotheses, places, run_trials(bench, candidates, places, progress))
+        return _Round(bench, hypotheses, places_of_clocks(facts), {})
+
+    def tried(self, progress: Progress) -> "_Round":
+        """Return the round with the fault of each cause undone alone."""
+        bench = self.bench
+        candidates = rank_candidates(bench.alarms, self.hypotheses, bench.run.strict, self.places)
+        return replace(self, trials=run_trials(bench, candidates, self.places, progress))
 
     def explanation(self, trials: Trials | None = None) -> CauseExplanation:
         """Return the causes by the trials of the round, or by others."""
@@ -83,21 +94,78 @@ class _Round:
         tried = {d.id: trials[key_of(d)] for d in diagnoses if key_of(d) in trials}
         return CauseExplanation(diagnoses, tried, dict.fromkeys(tried, self.bench))
 
+    def joint_trial(self) -> tuple[_Key, UndoTrial] | None:
+        """Return the first of several causes that one finding shows together, as a trial that clears nothing."""
+        joint = next((h for of_finding in self.hypotheses.values() for h in of_finding if h.is_joint), None)
+        if joint is None or self.bench.work.left <= 0:
+            return None
+        run = self.bench.run
+        cause, stream, facts = joint.cause, joint.stream, run.ready.facts
+        fault = next(faults_for(cause, stream, joint.magnitude, self.bench.alarms, run.strict, facts), None)
+        if fault is None:
+            return None
+        description = fault.undo(facts, run.sequence).description
+        return (cause, stream), UndoTrial(fault, description, frozenset(), {}, (), 0)
+
+    def explained_by(self, key: _Key) -> set[str]:
+        """Return the findings that a cause would explain."""
+        return {f for f, of_finding in self.hypotheses.items() if key in ((h.cause, h.stream) for h in of_finding)}
+
 
 def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) -> CauseExplanation:
-    alone = _Round.tried(bench, progress)
+    untried = _Round.untried(bench)
+    if (joint := untried.joint_trial()) is not None:
+        first, trial = joint
+        together = _with_first_undone(untried, first, trial, untried.explained_by(first), set(), materiality, progress)
+        if together is not None:
+            return together
+    alone = untried.tried(progress)
     apart = alone.explanation()
     cleared = _settled(apart)
-    first = next((d for d in apart.diagnoses if d.id in apart.trials and apart.trials[d.id].reduces), None)
-    if first is None or not _leaves_some(apart.trials[first.id], first, cleared, bench.alarms):
+    reducing = next((d for d in apart.diagnoses if d.id in apart.trials and apart.trials[d.id].reduces), None)
+    if reducing is None or not _leaves_some(apart.trials[reducing.id], reducing, cleared, bench.alarms):
         return apart
-    without = bench.without(apart.trials[first.id], materiality)
+    first, trial, explained = key_of(reducing), apart.trials[reducing.id], set(reducing.explains)
+    return _with_first_undone(alone, first, trial, explained, cleared, materiality, progress) or apart
+
+
+def _with_first_undone(
+    alone: _Round,
+    first: _Key,
+    trial: UndoTrial,
+    explained: Collection[str],
+    cleared: Collection[str],
+    materiality: Materiality,
+    progress: Progress,
+) -> CauseExplanation | None:
+    """Name the causes of what fails with a first one undone.
+
+    Parameters
+    ----------
+    alone
+        What could be the causes, each tested alone.
+    first, trial
+        Cause and stream of the first, and its trial.
+    explained
+        Findings that the first explains.
+    cleared
+        Findings that the causes clear, each tested alone.
+    materiality, progress
+        As of ``name_causes``.
+
+    Returns
+    -------
+    CauseExplanation | None
+        With the first and the others; None where they clear no more than each alone, or the work does not suffice.
+    """
+    bench = alone.bench
+    without = bench.without(trial.fault, materiality)
     if without is None:
-        return apart
+        return None
     rest = _explain(without, materiality, progress)
     # The size of the first was not right, which is no second fault.
-    if key_of(first) in map(key_of, rest.diagnoses):
-        return apart
+    if first in map(key_of, rest.diagnoses):
+        return None
     # Identifiers of findings are those of each run; a measurement keeps its code and name.
     identifiers = {_question(alarm): alarm.finding.id for alarm in bench.alarms}
     counterparts = {alarm.finding.id: identifiers.get(_question(alarm)) for alarm in without.alarms}
@@ -107,13 +175,12 @@ def _explain(bench: TrialBench, materiality: Materiality, progress: Progress) ->
     gained = len(identifiers) - len(remaining) - len(cleared)
     is_hidden = None in counterparts.values()
     if None in remaining or gained < 0 or (gained == 0 and not is_hidden):
-        return apart
+        return None
     windows = len(without.run.planned(without.run.ready))
-    trial = _with_others_undone(apart.trials[first.id], set(first.explains) - remaining, windows)
-    amended = alone.explanation({**alone.trials, key_of(first): trial})
-    if key_of(first) not in map(key_of, amended.diagnoses):
-        return apart
-    return _in_turn(key_of(first), amended, rest, counterparts)
+    amended = alone.explanation(
+        {**alone.trials, first: _with_others_undone(trial, set(explained) - remaining, windows)}
+    )
+    return _in_turn(first, amended, rest, counterparts) if first in map(key_of, amended.diagnoses) else None
 
 
 def _settled(explanation: CauseExplanation) -> set[str]:

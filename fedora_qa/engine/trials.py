@@ -144,20 +144,20 @@ class TrialBench:
             self.windows[fault] = len(inner.spans)
         return trial
 
-    def without(self, trial: UndoTrial, materiality: Materiality) -> "TrialBench | None":
-        """Return the bench of the sequence with the fault of a trial undone in all windows, and the work that is left.
+    def without(self, fault: ReversibleFault, materiality: Materiality) -> "TrialBench | None":
+        """Return the bench of the sequence with a fault undone in all windows, and the work that is left.
 
         None where less work is left than that takes, or where what was altered cannot be measured.
         """
         run = self.run
-        affected = self._affected(trial.fault, {check_of(alarm) for alarm in self.alarms})
-        # Second looks count neither here nor in what the run itself measured, and windows of the trial no second time.
-        work = (len(run.planned(run.ready)) - self.windows.get(trial.fault, 0)) * len(affected)
+        affected = self._affected(fault, {check_of(alarm) for alarm in self.alarms})
+        # Second looks count neither here nor in what the run itself measured, and windows of its trial no second time.
+        work = (len(run.planned(run.ready)) - self.windows.get(fault, 0)) * len(affected)
         if work > self.work.left:
             return None
         self.work.take(work)
         try:
-            undoing = trial.fault.undo(run.ready.facts, run.sequence)
+            undoing = fault.undo(run.ready.facts, run.sequence)
             run = run.without(undoing, self.checks, affected)
             judged = judge(run.observations, self.checks, run.false_alarm_rate, materiality)
         except Exception:  # noqa: BLE001 - as in ``undo``

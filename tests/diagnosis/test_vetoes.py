@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.diagnosis.vetoes import ClockPlace, Place, contradicts, places_of_clocks
-from fedora_qa.record.types import Measurement, Result
+from fedora_qa.record.types import Finding, Measurement, Result, Where
 from fedora_qa.sequence.facts import Facts, clock_of
 from tests.support.memory_sequence import MS, facts_of, memory_sequence
 
@@ -109,3 +109,31 @@ def test_a_gyro_that_turns_as_the_poses_do_is_of_their_flight(
     results = {"imu.rotation": Result("imu.rotation", "failed", "off", measurements=(gain,))}
     assert contradicts("other_sequence", stream, None, results, {}) == is_contradicted
     assert not contradicts("other_sequence", "rgb", None, results, {})
+
+
+@pytest.mark.parametrize("stream", ["events", "rgb"])
+@pytest.mark.parametrize(
+    ("correlation", "advantage", "is_contradicted"),
+    [(0.16, -0.1, True), (0.05, 0.02, False), (-0.2, 0.4, False), (-0.2, 1.1, True), (-0.01, 0.9, True)],
+    ids=["follows in part", "unrelated", "unrelated, negative", "mirrored", "turned"],
+)
+def test_events_that_follow_the_frames_in_part_are_of_their_sequence(
+    stream: str, correlation: float, advantage: float, *, is_contradicted: bool
+) -> None:
+    """As declared beyond chance, or under another orientation by half of what is expected."""
+    measurements = (
+        Measurement("correlation", correlation, "1", 0.04, 0.96, 0.6, 0.7),
+        Measurement("advantage_of_another_orientation", advantage, "1", 0.05, 0.0, 0.2, 0.3),
+    )
+    results = {"event_response.orientation": Result("event_response.orientation", "failed", "", measurements)}
+    assert contradicts("other_sequence", stream, None, results, {}) == is_contradicted
+    assert contradicts("time_offset", stream, None, results, {}) == is_contradicted
+    assert not contradicts("time_offset", stream, 60.0, results, {})
+    assert not contradicts("other_sequence", "depth", None, results, {})
+
+
+def test_events_of_one_polarity_say_nothing_of_their_sequence() -> None:
+    """Without a sign they follow no frames."""
+    finding = Finding("F1", "event_stream.bounds.one_polarity", "warning", "", Where(stream="events"))
+    bounds = Result("event_stream.bounds", "warned", "", findings=(finding,))
+    assert contradicts("other_sequence", "events", None, {"event_stream.bounds": bounds}, {})

@@ -31,6 +31,19 @@ def test_two_faults_of_a_stream_have_two_names(small_park_day: Path, tmp_path: P
     assert [fault.cause for fault in run.faults.values()] == [d.cause for d in run.record.diagnoses]
 
 
+def turn_half(file: h5py.File) -> None:
+    """Rows of events from bottom to top, as from an image whose origin lies there."""
+    rows = file["path/events/y"]
+    rows[...] = int(file["metadata/cameras/events"].attrs["height"]) - 1 - rows[()]
+
+
+def test_causes_that_one_finding_shows_together_are_all_named(small_park_day: Path, tmp_path: Path) -> None:
+    """Events of which either cause alone leaves nothing that agrees with the frames, undone or not."""
+    record = check_file(planted(small_park_day, tmp_path / "faulty.h5", flip_polarity, turn_half), OPTIONS).record
+    assert [diagnosis.cause for diagnosis in record.diagnoses] == ["polarity_inverted", "mirrored"]
+    assert all(diagnosis.cleared for diagnosis in record.diagnoses)
+
+
 def test_a_hidden_fault_is_named_and_repaired(small_park_day: Path, tmp_path: Path) -> None:
     """Events of inverted polarity have no delay that could be measured; without the inversion they have.
 
