@@ -21,12 +21,13 @@ from fedora_qa.causes import INDEX_MAPS, TIMED, allowed
 from tests.benchmarks.foreign.scenes import Size
 from tests.benchmarks.foreign_faults import study
 from tests.benchmarks.foreign_faults.displacement import KEYS, recomputed
-from tests.benchmarks.foreign_faults.kind import ALL_SCENES, EXACT_SCENES, LAST_ROUND, SHARES, Plan, Range
+from tests.benchmarks.foreign_faults.kind import ALL_SCENES, EXACT_SCENES, LAST_ROUND, SHARES, Kind, Plan, Range
 from tests.benchmarks.foreign_faults.outcome import Named, Outcome, diagnose_planted, outcome_of, plant, state_path
 from tests.benchmarks.foreign_faults.page import page
 from tests.benchmarks.foreign_faults.second_round.kinds import SECOND_ROUND
 from tests.benchmarks.foreign_faults.sources import SPAN_S, Source
 from tests.benchmarks.foreign_faults.table import KINDS
+from tests.benchmarks.foreign_faults.third_round.kinds import THIRD_ROUND
 from tests.support.contents import Contents, contents_of
 from tests.support.shared_files import SharedFiles
 
@@ -60,7 +61,8 @@ def pair_of(
         source = Source("park-noisy" if kind.scenes == ("park-noisy",) else "park-day", 0)
         clean, donor = clean_of(source), clean_of(Source("park-day", 1))
         plant(kind, kind.plan(source.scene, source.seed, donor), clean, target)
-        return read_clean(clean), contents_of(target), kind.plan(source.scene, source.seed, donor)
+        after = contents_of(target, is_damaged=":corrupt_chunk" in "".join(kind.truth))
+        return read_clean(clean), after, kind.plan(source.scene, source.seed, donor)
 
     return planted
 
@@ -76,14 +78,20 @@ def test_there_are_enough_kinds() -> None:
 
 
 def test_the_last_round_is_held_out() -> None:
-    """All of it and nothing else; it has enough kinds of its own, of every stream."""
-    assert {kind.round for kind in KINDS} == {1, LAST_ROUND}
-    assert [kind for kind in KINDS if kind.held_out] == list(SECOND_ROUND)
-    assert sum(bool(kind.truth) and not kind.composite for kind in SECOND_ROUND) >= 48
-    assert sum(kind.composite for kind in SECOND_ROUND) >= 4
-    assert sum(kind.local for kind in SECOND_ROUND) >= 12
-    assert sum(not kind.truth for kind in SECOND_ROUND) >= 10
-    assert {truth.split(":")[0] for kind in SECOND_ROUND for truth in kind.truth} >= {*TIMED, *INDEX_MAPS, "metadata"}
+    """All of it and nothing else."""
+    assert {kind.round for kind in KINDS} == set(range(1, LAST_ROUND + 1))
+    assert [kind for kind in KINDS if kind.held_out] == list(THIRD_ROUND)
+
+
+@pytest.mark.parametrize("kinds", [SECOND_ROUND, THIRD_ROUND])
+def test_a_later_round_has_enough_kinds_of_its_own(kinds: tuple[Kind, ...]) -> None:
+    """Of every stream, with a name and without, local ones and composites."""
+    assert len({kind.round for kind in kinds}) == 1
+    assert sum(bool(kind.truth) and not kind.composite for kind in kinds) >= 48
+    assert sum(kind.composite for kind in kinds) >= 4
+    assert sum(kind.local for kind in kinds) >= 12
+    assert sum(not kind.truth for kind in kinds) >= 10
+    assert {truth.split(":")[0] for kind in kinds for truth in kind.truth} >= {*TIMED, *INDEX_MAPS, "metadata"}
 
 
 @pytest.mark.parametrize("name", BY_NAME)
@@ -175,13 +183,17 @@ def lies_under(path: str, roots: tuple[str, ...]) -> bool:
 def test_a_planter_alters_what_it_says_and_nothing_else(
     name: str, pair_of: Callable[[str], tuple[Contents, Contents, Plan]]
 ) -> None:
-    """All other values, types and attributes stay, to the bit; nothing comes or goes; what it says differs.
+    """All other values, types and attributes stay, to the bit; nothing comes; what it says differs.
 
-    The type of what it alters is another one only where this is the fault.
+    The type of what it alters is another one, or a dataset goes, only where this is the fault.
     """
     kind = BY_NAME[name]
     old, new, _ = pair_of(name)
-    assert set(old) == set(new)
+    absent = set(old) - set(new)
+    assert set(new) <= set(old)
+    assert bool(absent) == (":missing_stream" in "".join(kind.truth))
+    assert all(lies_under(path, kind.alters) for path in absent)
+    differing = [path for path in old if path in absent or not are_equal(new[path], old[path])]
     for path in [path for path in old if not lies_under(path, kind.alters)]:
         np.testing.assert_array_equal(new[path], old[path], err_msg=path, strict=isinstance(old[path], np.ndarray))
     for root in kind.alters:
@@ -189,11 +201,32 @@ def test_a_planter_alters_what_it_says_and_nothing_else(
         assert inside, root
         # Maps follow from the stamps and change only where those of events or of their frames do.
         if not root.endswith("_to_event"):
-            assert any(not np.array_equal(new[path], old[path], equal_nan=is_float(old[path])) for path in inside), root
-    assert any(not np.array_equal(new[path], old[path], equal_nan=is_float(old[path])) for path in old)
-    retyped = [path for path in old if "@" not in path and new[path].dtype != old[path].dtype]
+            assert set(inside) & set(differing), root
+    assert differing
+    retyped = [path for path in new if "@" not in path and new[path].dtype != old[path].dtype]
     assert bool(retyped) == (":wrong_dtype" in "".join(kind.truth))
     assert all(lies_under(path, kind.alters) for path in retyped)
+
+
+@pytest.mark.parametrize("kind", THIRD_ROUND, ids=lambda kind: kind.name)
+def test_a_kind_is_planted_the_same_again(
+    kind: Kind,
+    clean_of: Callable[[Source], Path],
+    pair_of: Callable[[str], tuple[Contents, Contents, Plan]],
+    tmp_path: Path,
+) -> None:
+    """To the bit, in another copy of the same sequence."""
+    source = Source("park-day", 0)
+    plant(kind, kind.plan(source.scene, source.seed, clean_of(source.donor)), clean_of(source), tmp_path / "a.h5")
+    again = contents_of(tmp_path / "a.h5", is_damaged=":corrupt_chunk" in "".join(kind.truth))
+    _, before, _ = pair_of(kind.name)
+    assert set(again) == set(before)
+    assert all(are_equal(again[path], before[path]) for path in again)
+
+
+def are_equal(new: Any, old: Any) -> bool:
+    """Whether values and types are the same, to the bit but for what is not a number."""
+    return np.asarray(new).dtype == np.asarray(old).dtype and np.array_equal(new, old, equal_nan=is_float(old))
 
 
 def is_float(values: Any) -> bool:
@@ -245,9 +278,15 @@ def test_local_faults_leave_the_rest(pair_of: Callable[[str], tuple[Contents, Co
         "gyro bias for a while": "path/imu/angular_velocity",
         "exposure jumps": "path/rgb",
         "colour of another sequence for a while": "path/rgb",
+        "colour mirrored for a while": "path/rgb",
+        "depth along rays for a while": "path/depth",
+        "flow axes exchanged for a while": "path/flow/50hz",
+        "gyro in deg/s for a while": "path/imu/angular_velocity",
+        "positions elsewhere for a while": "path/pose/position",
     }.items():
         old, new, plan = pair_of(name)
-        differ = np.flatnonzero((old[key] != new[key]).reshape(len(old[key]), -1).any(axis=1))
+        old_values, new_values = np.nan_to_num(old[key]), np.nan_to_num(new[key])
+        differ = np.flatnonzero((old_values != new_values).reshape(len(old_values), -1).any(axis=1))
         assert np.all(np.diff(differ) == 1)
         assert len(differ) == pytest.approx((plan.end - plan.begin) * len(old[key]), abs=1.5)
 
@@ -364,6 +403,71 @@ def test_the_other_eye_sees_near_pixels_farther_left(
     for column in columns:
         sources = np.flatnonzero(row == view[column])
         assert np.min(np.abs(sources - focal * 1000 * plan.size / view[column] - column)) <= 0.5 + 1e-6
+
+
+def test_encoded_frames_need_more_light_for_an_event(
+    pair_of: Callable[[str], tuple[Contents, Contents, Plan]],
+) -> None:
+    """A pixel's events times the power of encoding give its change of light, to less than an event."""
+    old, new, _ = pair_of("events of encoded frames")
+    shape = (int(old["metadata/cameras/events@height"]), int(old["metadata/cameras/events@width"]))
+    totals = []
+    for contents in (old, new):
+        total = np.zeros(shape)
+        signs = np.where(contents["path/events/p"] == 1, 1.0, -1.0)
+        np.add.at(total, (contents["path/events/y"], contents["path/events/x"]), signs)
+        totals.append(total)
+    assert np.abs(totals[0] - 2.2 * totals[1]).max() < 2.2
+    assert len(new["path/events/t"]) < 0.6 * len(old["path/events/t"])
+
+
+def test_a_low_pass_is_late_by_its_constant(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Behind the start, less half a period: the positions of a steady motion."""
+    old, new, plan = pair_of("pose behind a low-pass")
+    along = old["path/pose/position"][-1] - old["path/pose/position"][0]
+    before, after = (contents["path/pose/position"] @ along for contents in (old, new))
+    late_us = old["path/pose/ts"][-1] - np.interp(after[-1], before, old["path/pose/ts"])
+    assert late_us == pytest.approx(1000 * plan.size, rel=0.25)
+
+
+def test_late_poses_give_the_flow_of_an_earlier_interval(
+    pair_of: Callable[[str], tuple[Contents, Contents, Plan]],
+) -> None:
+    """Fields of late poses lie between those of their own interval and of earlier ones, and none is without motion."""
+    old, new, _ = pair_of("flow from late poses")
+    before, after = (np.nanmean(np.abs(contents[KEYS[-1]]), axis=(1, 2, 3)) for contents in (old, new))
+    assert np.all(after > 0.5 * before.min())
+    np.testing.assert_array_equal(np.isnan(new[KEYS[0]]), np.isnan(old[KEYS[0]]))
+
+
+def test_the_right_eye_sees_a_point_farther_left(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """By f b / z: where depth is even, the frame is the old one, moved."""
+    old, new, plan = pair_of("colour of the right eye")
+    disparity = old["metadata/cameras/rgb@K"][0, 0] * 1000 * plan.size / old["path/depth"][0]
+    luma = [contents["path/rgb"][0].astype(float).mean(axis=-1) for contents in (old, new)]
+    rows, columns = np.nonzero(np.isfinite(disparity) & (disparity < np.arange(disparity.shape[1])))
+    at = columns - disparity[rows, columns]
+    left = np.clip(np.floor(at).astype(int), 0, disparity.shape[1] - 2)
+    seen = luma[1][rows, left] * (1 - at + left) + luma[1][rows, left + 1] * (at - left)
+    errors = np.abs(seen - luma[0][rows, columns])
+    assert np.median(errors) < 0.3 * np.median(np.abs(luma[1] - luma[0])[rows, columns])
+
+
+def test_angles_without_halves_are_twice_as_large(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """About the same axis."""
+    old, new, _ = pair_of("angles of quaternions not halved")
+    before, after = (Rotation.from_quat(contents["path/pose/orientation"]).as_rotvec() for contents in (old, new))
+    np.testing.assert_allclose(after, 2 * before, atol=1e-12)
+
+
+def test_quaternions_shrink_where_their_sign_changes(
+    pair_of: Callable[[str], tuple[Contents, Contents, Plan]],
+) -> None:
+    """Elsewhere they have unit length, but for what a mean over a turn takes away."""
+    _, new, _ = pair_of("quaternions averaged across signs")
+    norm = np.linalg.norm(new["path/pose/orientation"], axis=1)
+    assert norm.min() < 0.6
+    assert np.median(norm) > 0.9999
 
 
 WHOLE_CHAIN = ("gyro in deg/s", "quaternions w first")

@@ -9,19 +9,22 @@ from scipy.stats import binomtest
 
 from fedora_qa.record.types import DiagnosisStatus
 from tests.benchmarks.foreign.scenes import Size
-from tests.benchmarks.foreign_faults.kind import Kind
+from tests.benchmarks.foreign_faults.kind import LAST_ROUND, Kind
 from tests.benchmarks.foreign_faults.outcome import Outcome
 
 CONFIDENCE: Final = 0.95
+ORDINALS: Final = ("first", "second", "third")
+"""Of rounds."""
+
 HEAD: Final = """\
 # Real faults planted by other code
 
 Written by `make study-named-foreign`, {date}: {files} files with {kinds} kinds of faults, over {scenes},
 {width}x{height} pixels, {duration:g} s, {seeds} sequence(s) of a scene. `tests/benchmarks/foreign_faults` shares no
 code, place or size with the faults that the generator plants. Sizes are log-uniform within the range of their kind. All
-kinds of the last round, the second, are held out: nobody looks at their outcomes while the diagnosis is built. A third
-of the first round was held out until 2026-11-27, and has been looked at since. Of held-out kinds no
-outcome is listed.
+kinds of the last round, the {last_round}, are held out: nobody looks at their outcomes while the diagnosis is built. A
+third of the first round and all of the second were held out until 2026-11-27, and have been looked at since. Of
+held-out kinds no outcome is listed.
 
 - *Found*: at least one check failed.
 - *Named first*: the first diagnosis has the right cause and stream. The share is of the files that were found.
@@ -65,6 +68,7 @@ def page(kinds: Sequence[Kind], outcomes: Sequence[Outcome], size: Size) -> Iter
         height=size.height,
         duration=size.duration_s,
         confidence=CONFIDENCE,
+        last_round=ORDINALS[LAST_ROUND - 1],
     )
     groups = {
         "looked at": [kind for kind in kinds if not kind.held_out],

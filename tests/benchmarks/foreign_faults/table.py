@@ -30,6 +30,7 @@ from tests.benchmarks.foreign_faults.paths import (
 from tests.benchmarks.foreign_faults.pipelines import PIPELINES
 from tests.benchmarks.foreign_faults.poses import ORIENTATION, POSITION
 from tests.benchmarks.foreign_faults.second_round.kinds import SECOND_ROUND
+from tests.benchmarks.foreign_faults.third_round.kinds import THIRD_ROUND
 
 _CLOCKS: Final = (
     Kind("colour stamped when received", clocks.delayed("rgb"), ("path/rgb_ts", *MAPS), ("rgb:time_offset",),
@@ -444,4 +445,5 @@ KINDS: Final = (
     *PIPELINES,
     *MAKERS,
     *SECOND_ROUND,
+    *THIRD_ROUND,
 )

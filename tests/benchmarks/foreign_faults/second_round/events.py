@@ -24,7 +24,8 @@ def pixels_of(file: h5py.File) -> NDArray[np.int64]:
     return pixels
 
 
-def _keep(file: h5py.File, kept: NDArray[np.bool_]) -> None:
+def keep_events(file: h5py.File, kept: NDArray[np.bool_]) -> None:
+    """Keep some events, and make the index maps again."""
     keep_rows(file, "events", np.flatnonzero(kept))
     update_index_maps(file)
 
@@ -35,7 +36,8 @@ def sort_events(file: h5py.File) -> None:
     update_index_maps(file)
 
 
-def _add(file: h5py.File, pixels: NDArray[np.int64], stamps_us: NDArray[np.int64], p: NDArray[np.int64]) -> None:
+def add_events(file: h5py.File, pixels: NDArray[np.int64], stamps_us: NDArray[np.int64], p: NDArray[np.int64]) -> None:
+    """Merge further events, in the canonical order."""
     width = sensor_size(file)[0]
     for name, more in {"x": pixels % width, "y": pixels // width, "t": stamps_us, "p": p}.items():
         old = file[f"path/events/{name}"][...]
@@ -51,7 +53,7 @@ def turned_a_quarter(file: h5py.File, plan: Plan) -> None:
     for axis, values in (("x", rows), ("y", width - 1 - columns)):
         key = f"path/events/{axis}"
         replace_values(file, key, values.astype(file[key].dtype))
-    _keep(file, inside)
+    keep_events(file, inside)
 
 
 def border_silent(file: h5py.File, plan: Plan) -> None:
@@ -59,7 +61,7 @@ def border_silent(file: h5py.File, plan: Plan) -> None:
     edge = int(plan.size)
     columns, rows = (file[f"path/events/{axis}"][...].astype(np.int64) for axis in "xy")
     width, height = sensor_size(file)
-    _keep(file, (columns >= edge) & (columns < width - edge) & (rows >= edge) & (rows < height - edge))
+    keep_events(file, (columns >= edge) & (columns < width - edge) & (rows >= edge) & (rows < height - edge))
 
 
 def corners_silent(file: h5py.File, plan: Plan) -> None:
@@ -67,13 +69,13 @@ def corners_silent(file: h5py.File, plan: Plan) -> None:
     width, height = sensor_size(file)
     dx = file["path/events/x"][...] - (width - 1) / 2
     dy = file["path/events/y"][...] - (height - 1) / 2
-    _keep(file, np.hypot(dx, dy) <= (1 - plan.size / 100) * np.hypot(width, height) / 2)
+    keep_events(file, np.hypot(dx, dy) <= (1 - plan.size / 100) * np.hypot(width, height) / 2)
 
 
 def regular_rows_silent(file: h5py.File, plan: Plan) -> None:
     """Every row whose number has a certain remainder by the size gives no events."""
     period = int(plan.size)
-    _keep(file, file["path/events/y"][...] % period != int(plan.random.integers(period)))
+    keep_events(file, file["path/events/y"][...] % period != int(plan.random.integers(period)))
 
 
 def hot_for_a_while(file: h5py.File, plan: Plan) -> None:
@@ -87,14 +89,14 @@ def hot_for_a_while(file: h5py.File, plan: Plan) -> None:
         pixels.append(np.full(count, pixel))
         times.append(plan.random.uniform(begin_us, end_us, count).astype(np.int64))
         signs.append(np.full(count, plan.random.integers(2)))
-    _add(file, np.concatenate(pixels), np.concatenate(times), np.concatenate(signs))
+    add_events(file, np.concatenate(pixels), np.concatenate(times), np.concatenate(signs))
 
 
 def busiest_masked(file: h5py.File, plan: Plan) -> None:
     """The so many pixels with the most events of all are taken for hot ones, and their events are removed."""
     pixels = pixels_of(file)
     busiest = np.argsort(np.bincount(pixels), kind="stable")[-int(plan.size) :]
-    _keep(file, ~np.isin(pixels, busiest))
+    keep_events(file, ~np.isin(pixels, busiest))
 
 
 def lost_while_frames_are_read(file: h5py.File, plan: Plan) -> None:
@@ -102,7 +104,7 @@ def lost_while_frames_are_read(file: h5py.File, plan: Plan) -> None:
     stamps_us, frames_us = file[TIME][...], file["path/rgb_ts"][...]
     latest_us = frames_us[np.clip(np.searchsorted(frames_us, stamps_us, "right") - 1, 0, None)]
     since_us = stamps_us - latest_us
-    _keep(file, (since_us < 0) | (since_us >= 1000 * plan.size))
+    keep_events(file, (since_us < 0) | (since_us >= 1000 * plan.size))
 
 
 def first_of_each_slice(file: h5py.File, plan: Plan) -> None:
@@ -125,7 +127,7 @@ def threshold_doubled_for_a_while(file: h5py.File, plan: Plan) -> None:
         if abs(sums[pixels[row]]) == 2:
             kept[row] = True
             sums[pixels[row]] = 0
-    _keep(file, kept)
+    keep_events(file, kept)
 
 
 def lamp_flickers(file: h5py.File, plan: Plan) -> None:
@@ -143,7 +145,7 @@ def lamp_flickers(file: h5py.File, plan: Plan) -> None:
     signs = np.broadcast_to((np.arange(len(centres_us)) % 2 == 0)[:, None], times_us.shape)
     inside = fires & (times_us > stamps_us[0]) & (times_us < stamps_us[-1])
     pixels = np.broadcast_to(disc, times_us.shape)
-    _add(file, pixels[inside], np.ceil(times_us[inside]).astype(np.int64), signs[inside].astype(np.int64))
+    add_events(file, pixels[inside], np.ceil(times_us[inside]).astype(np.int64), signs[inside].astype(np.int64))
 
 
 def moved_for_a_while(file: h5py.File, plan: Plan) -> None:
@@ -153,7 +155,7 @@ def moved_for_a_while(file: h5py.File, plan: Plan) -> None:
     moved = columns.astype(np.int64) + np.where(within, int(plan.size), 0)
     width = sensor_size(file)[0]
     replace_values(file, "path/events/x", np.clip(moved, 0, width - 1).astype(columns.dtype))
-    _keep(file, (moved >= 0) & (moved < width))
+    keep_events(file, (moved >= 0) & (moved < width))
 
 
 def of_another_sequence(file: h5py.File, plan: Plan) -> None:
@@ -184,4 +186,4 @@ def lens_bends(file: h5py.File, plan: Plan) -> None:
     for axis, values, extent in (("x", columns, width), ("y", rows, height)):
         key = f"path/events/{axis}"
         replace_values(file, key, np.clip(values, 0, extent - 1).astype(file[key].dtype))
-    _keep(file, inside)
+    keep_events(file, inside)
