@@ -462,6 +462,13 @@ def _lever_arm(fit: FittedCause) -> Faults:
         yield from mounting_units(fit.facts)
 
 
+def _rays(fit: FittedCause) -> Faults:
+    """Yield the exponent of the sign that is measured first: -1 where z was divided by the length of the ray."""
+    inverse = deviation(fit.results.get("depth.projection"), "ray_exponent") < 0
+    yield images.RayLength(-1.0 if inverse else 1.0)
+    yield images.RayLength(1.0 if inverse else -1.0)
+
+
 def _channel_order(fit: FittedCause) -> Faults:
     result = fit.results.get("images.channels")
     nearest = sorted(_ORDERS, key=lambda order: -deviation(result, f"towards_{order}"))
@@ -520,7 +527,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "channel_order": _channel_order,
         "exposure_or_gamma": _curves,
         "vignetting": lambda fit: iter([images.Vignetting(fit.size)]),
-        "depth_ray_not_z": lambda _: iter([images.RayLength()]),
+        "depth_ray_not_z": _rays,
         "invalid_encoding": lambda fit: iter([images.InvalidCode(fit.stream)]),
     }
 )

@@ -225,7 +225,7 @@ class RayLength:
     Attributes
     ----------
     exponent
-        Of |m|: 1 for the length of the ray.
+        Of |m|: 1 for the length of the ray, -1 where z was taken for that length and divided by |m|.
     """
 
     exponent: float = 1.0
@@ -240,7 +240,8 @@ class RayLength:
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Divide by |m|."""
-        return self._scaled(facts, "lengths of rays become z", -self.exponent)
+        divided = f"depth divided by |m| to the power of {self.exponent:.3g}"
+        return self._scaled(facts, "lengths of rays become z" if self.exponent == 1 else divided, -self.exponent)
 
     def _scaled(self, facts: Facts, description: str, exponent: float) -> Fault:
         streams_in(facts, self.stream)

@@ -51,7 +51,7 @@ def _only_permuted(fault: axes.VectorAxes) -> str:
 
 def _only_lengths(fault: images.RayLength) -> str:
     fitted = "The values are not lengths of rays: the exponent is fitted."
-    return _MECHANICAL if fault.exponent == 1 else fitted
+    return _MECHANICAL if abs(fault.exponent) == 1 else fitted
 
 
 _CODES: Final = "Codes of 8 bits have lost information: rounding merges codes, and white is clipped; render again."

@@ -255,7 +255,10 @@ def _with_other_depth(
     K = track.camera.K
     slopes = rays_of_pixels(K, sample.lens, sample.columns, sample.rows)
     # Ray length = z sqrt(1 + x^2 + y^2) with the slopes of the ray.
-    yield transformed("ray_lengths", sample.depths_m / np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2))
+    ray_length = np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2)
+    yield transformed("ray_lengths", sample.depths_m / ray_length)
+    # Depth was z already, and was taken for the length of the ray.
+    yield transformed("ray_lengths", sample.depths_m * ray_length)
     if not depths_plausible(window.facts, sample.depths_m):
         yield transformed("metric_unit", sample.depths_m * MM_PER_M, 1 / MM_PER_M)
         yield transformed("metric_unit", sample.depths_m / MM_PER_M, MM_PER_M)

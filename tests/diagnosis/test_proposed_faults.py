@@ -18,6 +18,7 @@ from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.cameras import FocalLength, MountingRotation, PrincipalPointShift
 from fedora_qa.faults.clocks import ClockRate, ClockShift
 from fedora_qa.faults.fault import is_of_part
+from fedora_qa.faults.images import RayLength
 from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.table import faults_of
 from fedora_qa.faults.units import AngleUnit
@@ -84,6 +85,14 @@ def test_a_size_that_was_not_fitted_is_not_undone() -> None:
     assert not list(faults_for("time_offset", "events", float("nan"), (), RESULTS, facts))
     assert is_testable("mirrored", "events", None)
     assert not is_testable("dropped_samples", "events", 3.0)
+
+
+@pytest.mark.parametrize(("fitted", "first"), [(0.9, 1.0), (-0.9, -1.0), (0.0, 1.0)])
+def test_rays_are_undone_in_the_direction_that_was_fitted(fitted: float, first: float) -> None:
+    """Depth that was divided by the length of the ray is multiplied first; the other direction is tried as well."""
+    results = dict([result("depth.projection", ray_exponent=fitted)])
+    faults = list(faults_for("depth_ray_not_z", "depth", None, (), results, facts_of(memory_sequence())))
+    assert faults == [RayLength(first), RayLength(-first)]
 
 
 def test_thresholds_are_those_that_were_fitted() -> None:

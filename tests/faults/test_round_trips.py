@@ -180,7 +180,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(PowerCurve, st.floats(0.5, 1.0)), Codes(2 * 0.5 + 0.5)),
     (st.builds(TransferMisdeclared, st.just("linear"), st.sampled_from(["srgb", "gamma2.2"])), exact),
     (st.builds(Vignetting, st.floats(0, 50)), Codes(2 * 0.5 + 0.5)),
-    (st.builds(RayLength, st.sampled_from([1.0, 2.0])), rounded),
+    (st.builds(RayLength, st.sampled_from([-1.0, 1.0, 2.0])), rounded),
     (st.builds(InvalidCode, st.sampled_from(["depth", *FLOWS]), st.sampled_from([0.0, np.inf])), exact),
 ]  # fmt: skip
 """Strategies of faults, and how far the rows may differ after planting and undoing."""

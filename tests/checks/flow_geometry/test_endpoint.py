@@ -220,11 +220,12 @@ def test_mirrored_depth_is_named(axes: tuple[int, ...]) -> None:
     assert (hypothesis.cause, hypothesis.stream) == ("mirrored", "depth")
 
 
-def test_ray_length_is_told_from_depth() -> None:
-    """Depth along the ray instead of the axis is named."""
+@pytest.mark.parametrize("exponent", [1, -1])
+def test_ray_length_is_told_from_depth(exponent: int) -> None:
+    """Depth along the ray instead of the axis is named, and so is z that was taken for it and divided."""
     columns, rows = np.meshgrid(np.arange(192), np.arange(144))
     stretch = np.sqrt(1 + ((columns - K[0, 2]) / K[0, 0]) ** 2 + ((rows - K[1, 2]) / K[1, 1]) ** 2)
-    depth = (clean().rows_by_key["path/depth"] * stretch).astype(np.float32)
+    depth = (clean().rows_by_key["path/depth"] * stretch**exponent).astype(np.float32)
     hypothesis = most_probable_cause(clean().with_rows(path_depth=depth))
     assert (hypothesis.cause, hypothesis.stream) == ("depth_ray_not_z", "depth")
 
