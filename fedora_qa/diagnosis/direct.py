@@ -20,7 +20,10 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "quaternion_not_unit": ("pose.orientation",),
         "teleport": ("pose.continuity", "pose.noise"),
         "interpolated_pose": ("pose.continuity",),
-        "noise_misdeclared": ("imu.noise", "pose.noise", "event_response.conservation"),
+        "noise_misdeclared": ("imu.noise", "pose.noise", "event_response.conservation", "metadata.complete"),
+        # A declared number that nothing can have.
+        "threshold_misdeclared": ("metadata.complete",),
+        "gravity_magnitude": ("metadata.complete",),
         # A ratio of noise that is just the factor of a unit.
         "unit_mm_m": ("pose.noise",),
         "unit_deg_rad": ("imu.noise",),

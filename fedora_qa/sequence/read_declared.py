@@ -33,6 +33,22 @@ FARTHEST_DEPTH_M: Final = 12_742_000.0
 POSITIVE: Final = frozenset({"width", "height", "threshold_on", "threshold_off", "gravity"})
 """Numbers that must exceed zero; every other number of the layout must not be negative, but for the seed."""
 
+_CAUSES_OF_NUMBERS: Final[Mapping[str, tuple[str, str]]] = {
+    "width": ("wrong_shape", "metadata"),
+    "height": ("wrong_shape", "metadata"),
+    "threshold_on": ("threshold_misdeclared", "events"),
+    "threshold_off": ("threshold_misdeclared", "events"),
+    # The component of the vector that points down.
+    "gravity": ("gravity_magnitude", "metadata"),
+    "gyro_noise_density": ("noise_misdeclared", "imu"),
+    "accel_noise_density": ("noise_misdeclared", "imu"),
+    "gyro_bias_walk": ("noise_misdeclared", "imu"),
+    "accel_bias_walk": ("noise_misdeclared", "imu"),
+    "position_sigma": ("noise_misdeclared", "pose"),
+    "rotation_sigma": ("noise_misdeclared", "pose"),
+}
+"""Cause and stream of a number that nothing can have: what is declared is not what the stream has."""
+
 MOST_PIXELS_ALONG: Final = 1 << 16
 """Largest number of columns or rows of a camera: coordinates of events have 16 bits."""
 
@@ -54,6 +70,9 @@ _COEFFICIENTS: Final = {"radtan": (4, 5), "equidistant": (4,)}
 
 _OWNERS: Final = tuple(dict.fromkeys(owner for owner, _ in ATTRIBUTES))
 _LENS: Final = ("distortion_model", "distortion")
+
+
+_OTHER_NAMES_OF_PX: Final = frozenset({"pixel", "pixels"})
 
 
 class MalformedError(Exception):
@@ -401,7 +420,10 @@ def _text(stored: Any, spec: AttributeSpec) -> str:
         message = f"Expected {spec.choices[0]!r}, got {_shown(text)}, which is the opposite"
         raise MalformedError("polarity_inverted", message, "events")
     if spec.choices and text not in spec.choices:
-        raise MalformedError("unknown", f"Expected {' or '.join(map(repr, spec.choices))}, got {_shown(text)}")
+        of_flow = (spec.owner, spec.name) == ("metadata/flow", "unit")
+        of_another_unit = of_flow and text.strip().lower() not in _OTHER_NAMES_OF_PX
+        cause, stream = ("flow_unit", "flow") if of_another_unit else ("unknown", "metadata")
+        raise MalformedError(cause, f"Expected {' or '.join(map(repr, spec.choices))}, got {_shown(text)}", stream)
     return str(text)
 
 
@@ -419,7 +441,10 @@ def _int(stored: Any, spec: AttributeSpec) -> int:
 def _float(stored: Any, spec: AttributeSpec) -> float:
     value = _scalar(stored)
     if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
-        raise MalformedError("wrong_dtype", f"Expected a number, got {_shown(stored)}")
+        # A vector of gravity has a direction, which a magnitude has not.
+        is_vector = spec.name == "gravity" and np.shape(stored) == (3,) and np.asarray(stored).dtype.kind in "iuf"
+        cause = "gravity_magnitude" if is_vector else "wrong_dtype"
+        raise MalformedError(cause, f"Expected a number, got {_shown(stored)}")
     if not np.isfinite(value):
         raise ImpossibleError("nan_in_stream", f"Expected a finite number, got {value}")
     _require_range(float(value), spec)
@@ -478,10 +503,11 @@ def _scalar(stored: Any) -> Any:
 
 
 def _require_range(value: float, spec: AttributeSpec) -> None:
+    cause, stream = _CAUSES_OF_NUMBERS.get(spec.name, ("unknown", "metadata"))
     if spec.name in POSITIVE and value <= 0:
-        raise ImpossibleError("unknown", f"Expected a positive number, got {value}")
+        raise ImpossibleError(cause, f"Expected a positive number, got {value}", stream)
     if value < 0 and spec.name != "seed":
-        raise ImpossibleError("unknown", f"Expected a number not below 0, got {value}")
+        raise ImpossibleError(cause, f"Expected a number not below 0, got {value}", stream)
     if spec.name != "seed" and (value > LARGEST_NUMBER or 0 < value < LEAST_NUMBER):
         raise MalformedError("unknown", f"Expected 0 or {LEAST_NUMBER:g} to {LARGEST_NUMBER:g}, got {value:g}")
     if spec.name in {"width", "height"} and value > MOST_PIXELS_ALONG:

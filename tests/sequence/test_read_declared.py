@@ -28,7 +28,7 @@ def file(tmp_path: Path) -> Iterator[h5py.File]:
 
 def declared_in(file: h5py.File) -> Declared:
     declared = read_declared(file, resolve(file))
-    assert all(allowed(problem.cause, "metadata") for problem in declared.problems)
+    assert all(allowed(problem.cause, problem.stream) for problem in declared.problems)
     return declared
 
 
@@ -79,17 +79,22 @@ def test_bytes_and_arrays_of_one_are_read(file: h5py.File) -> None:
         ("", "format_version", "2.0", "unknown"),
         ("metadata/cameras/rgb", "width", "36", "wrong_dtype"),
         ("metadata/cameras/rgb", "width", 36.5, "wrong_dtype"),
-        ("metadata/cameras/rgb", "width", 0, "unknown"),
+        ("metadata/cameras/rgb", "width", 0, "wrong_shape"),
         ("metadata/cameras/rgb", "K", np.ones(9), "wrong_shape"),
         ("metadata/cameras/rgb", "K", np.full((3, 3), np.nan), "nan_in_stream"),
         ("metadata/cameras/rgb", "T_body_camera", np.eye(3), "wrong_shape"),
         ("metadata/events", "model", "cubic", "unknown"),
         ("metadata/events", "model", 3, "wrong_dtype"),
         ("metadata/events", "threshold_on", np.nan, "nan_in_stream"),
-        ("metadata/events", "threshold_on", -0.2, "unknown"),
+        ("metadata/events", "threshold_on", -0.2, "threshold_misdeclared"),
         ("metadata/events", "hot_pixels", np.ones((2, 3), dtype=int), "wrong_shape"),
         ("metadata/imu", "gravity", [9.8, 9.8], "wrong_dtype"),
-        ("metadata/pose", "position_sigma", -1.0, "unknown"),
+        ("metadata/imu", "gravity", [0.0, 0.0, -9.8], "gravity_magnitude"),
+        ("metadata/imu", "gravity", -9.80665, "gravity_magnitude"),
+        ("metadata/imu", "gyro_noise_density", -1e-3, "noise_misdeclared"),
+        ("metadata/pose", "position_sigma", -1.0, "noise_misdeclared"),
+        ("metadata/flow", "unit", "px/s", "flow_unit"),
+        ("metadata/flow", "unit", "pixels", "unknown"),
         ("path/rgb", "transfer", "log", "unknown"),
     ],
 )
@@ -215,7 +220,7 @@ def test_any_value_is_read_or_malformed(spec: AttributeSpec, value: Any) -> None
         read = read_or_refuse(file, spec)
     if isinstance(read, MalformedError):
         assert str(read).startswith("Expected")
-        assert allowed(read.cause, "metadata")
+        assert allowed(read.cause, read.stream)
         return
     assert isinstance(
         read, {"text": str, "int": int, "float": float, "pixels": tuple, "numbers": tuple}.get(spec.kind, np.ndarray)
