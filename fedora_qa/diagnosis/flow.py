@@ -12,7 +12,7 @@ from fedora_qa.checks.flow_events.sharpness import SharpestFlow
 from fedora_qa.checks.flow_photometric.rate_statistics import RateResidual, TemplateExplanation
 from fedora_qa.checks.flow_rates.composition import COPIES, RatePairsOff
 from fedora_qa.diagnosis.hypothesis import Hypothesis, most_probable, support, support_of_extent, weakened
-from fedora_qa.faults.units import frame_period_s
+from fedora_qa.faults.units import LENGTHS, frame_period_s, length_of_flow_px
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.sequence.facts import Facts
@@ -200,12 +200,14 @@ def gain_hypothesis(
     seconds: float,
     tolerance: float,
     frame_s: float = 0.0,
+    lengths_px: Sequence[tuple[float, float]] = (),
 ) -> Hypothesis:
-    """Return the cause of a gain of the flow: another sign, another unit of time, or a gain.
+    """Return the cause of a gain of the flow: another sign, another unit of time or length, or a gain.
 
     A gain of -2 is the opposite sign. A factor equal to the length of the interval, or to its reciprocal, is another
     unit. So is a period of the frames over the length of the interval: the motion per frame, of which flow from frame
-    to frame is correct. A power of two of 64 or more, or 1000, is the number of fractions of a pixel in codes that were
+    to frame is correct. A factor equal to the reciprocal of a focal length, or of a size of the image, is that unit of
+    length. A power of two of 64 or more, or 1000, is the number of fractions of a pixel in codes that were
     not divided by it: no gain is as large. The opposite sign beside a unit, and a gain beside the opposite sign, show
     once the first is undone.
 
@@ -225,6 +227,8 @@ def gain_hypothesis(
         Largest relative difference from a unit that counts as such.
     frame_s
         Period of the colour frames, s, where no flow from frame to frame deviates; else 0.
+    lengths_px
+        Lengths of the camera that are units of flow, px, along columns and along rows (``lengths_of_camera``).
 
     Returns
     -------
@@ -241,6 +245,9 @@ def gain_hypothesis(
         return Hypothesis("flow_unit", stream_family(flow), removed_share, frame_s / seconds, "1")
     if fractions := fractions_of_px(factor, tolerance):
         return Hypothesis("flow_unit", flow, removed_share, fractions, "1")
+    # Of unequal lengths along both axes the factor that fits both lies between.
+    if any(1 - tolerance < abs(factor) * max(pair) and abs(factor) * min(pair) < 1 + tolerance for pair in lengths_px):
+        return Hypothesis("flow_unit", flow, removed_share, abs(factor), "1")
     # The opposite sign, and maybe a gain besides: between -3 and -1 / 3 the sign leaves |1 - |factor||, which is less
     # than half of 1 + |factor|.
     if -3 < factor < -1 / 3:
@@ -255,6 +262,12 @@ def fractions_of_px(factor: float, tolerance: float) -> float:
     size = abs(factor)
     nearest = min(2.0 ** round(log2(size)), 1000.0, key=lambda fractions: abs(size - fractions))
     return nearest if abs(size / nearest - 1) < tolerance else 0.0
+
+
+def lengths_of_camera(facts: Facts) -> tuple[tuple[float, float], ...]:
+    """Return the lengths of the depth camera that are units of flow, px, along columns and along rows."""
+    lengths_px = (length_of_flow_px(facts, unit) for unit in LENGTHS)
+    return tuple((pair[0], abs(pair[1])) for pair in lengths_px if pair is not None)
 
 
 def frame_period_of(facts: Facts, off: Mapping[str, bool]) -> float:
@@ -287,6 +300,7 @@ def propose_sharpness(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             interval_s,
             _SHARPNESS_GAIN_TOLERANCE,
             frame_period_of(facts, sharpest.deviates_by_rate),
+            lengths_of_camera(facts),
         ),
         Hypothesis("intrinsics_focal", flow, support("flow_events.focal_length")),
         Hypothesis("flow_rate_mixed", flow, support("flow_events.rate_mixed")),
@@ -346,7 +360,7 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         rate,
         {feature.template: feature for feature in features if isinstance(feature, TemplateExplanation)},
         flow,
-        frame_period_of(facts, rate.deviates_by_rate),
+        facts,
     )
     if not rate.deviating_fields:
         unknown = Hypothesis("unknown", flow, support("flow_photometric.unknown"))
@@ -374,7 +388,7 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def _template_hypotheses(
-    rate: RateResidual, templates: dict[str, TemplateExplanation], flow: str, frame_s: float
+    rate: RateResidual, templates: dict[str, TemplateExplanation], flow: str, facts: Facts
 ) -> list[Hypothesis]:
     """Return gain, shift of an image, and faults of the geometry, by their share of what all templates explain."""
     if rate.explained_share <= 0:
@@ -385,10 +399,16 @@ def _template_hypotheses(
     shift_px = _signed_norm(np.array(shift.sizes))
     if abs(shift_px) > _LARGEST_SHIFT_PX:
         by_shift = 0.0
-    gain_support = support("flow_photometric.gain") * by_gain
     hypotheses = [
         gain_hypothesis(
-            flow, gain.sizes[0], gain.standard_error, gain_support, rate.interval_s, _RESIDUAL_GAIN_TOLERANCE, frame_s
+            flow,
+            gain.sizes[0],
+            gain.standard_error,
+            support("flow_photometric.gain") * by_gain,
+            rate.interval_s,
+            _RESIDUAL_GAIN_TOLERANCE,
+            frame_period_of(facts, rate.deviates_by_rate),
+            lengths_of_camera(facts),
         ),
         Hypothesis("spatial_offset", "rgb", by_shift, shift_px, "px"),
         # A field moved by -d assigns each pixel the vector of an image moved by d.

@@ -28,6 +28,7 @@ from fedora_qa.diagnosis.flow import (
     convention_hypotheses,
     frame_period_of,
     gain_hypothesis,
+    lengths_of_camera,
     spreads_over,
 )
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis, most_probable, only_feature, support, weakened
@@ -146,7 +147,16 @@ def _of_one_rate(rate: str, features: Sequence[Feature], facts: Facts) -> tuple[
         if isinstance(fit, FlowGainFit):
             share, error = fit.removed_share * fit.correlation, fit.standard_error
             parameters.append(
-                gain_hypothesis(flow, fit.gain, error, share, fit.interval_s, _SAME_GAIN, frame_period_of(facts, off))
+                gain_hypothesis(
+                    flow,
+                    fit.gain,
+                    error,
+                    share,
+                    fit.interval_s,
+                    _SAME_GAIN,
+                    frame_period_of(facts, off),
+                    lengths_of_camera(facts),
+                )
             )
         elif isinstance(fit, FlowParameterFit):
             share = fit.removed_share

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from math import copysign, hypot, isclose, isfinite, isinf
+from math import copysign, hypot, inf, isclose, isfinite, isinf, log
 from types import MappingProxyType
 from typing import Any, Final, get_args
 
@@ -322,8 +322,18 @@ def _flow_units(fit: FittedCause) -> Faults:
     # The size is the period of the frames over the length of an interval, or the length itself.
     per_frame = any(abs(fit.size / (period_s * flow_rate_hz(rate)) - 1) < _UNIT_TOLERANCE
                     for rate in fit.facts.flow_streams if period_s)  # fmt: skip
-    smaller: tuple[units.FlowUnitName, ...] = ("px s", "half images", "images")
-    for unit in ("px per frame", *smaller) if per_frame else smaller:
+
+    def ratio(unit: units.FlowUnitName) -> float:
+        """Return how many times the size is that of a unit of length, or the reverse."""
+        length_px = units.length_of_flow_px(fit.facts, unit)
+        return abs(log(fit.size * length_px[0])) if length_px and fit.size > 0 else inf
+
+    lengths = sorted(units.LENGTHS, key=ratio)
+    if per_frame:
+        yield units.FlowUnit(fit.stream, "px per frame")
+    of_length = ratio(lengths[0]) < _UNIT_TOLERANCE
+    smaller: tuple[units.FlowUnitName, ...] = (*lengths, "px s") if of_length else ("px s", *lengths)
+    for unit in smaller:
         yield units.FlowUnit(fit.stream, unit)
 
 

@@ -151,10 +151,33 @@ class FlowSign:
         return self.plant(facts, sequence)
 
 
-FlowUnitName = Literal["px/s", "px s", "images", "half images", "px per frame", "fractions"]
+FlowUnitName = Literal[
+    "px/s", "px s", "images", "half images", "clip space", "focal lengths", "px per frame", "fractions"
+]
 
-_IMAGES: Final = {"images": 1.0, "half images": 0.5}
-"""Units of length that depend on the size of the image, in widths and heights of it."""
+_IMAGES: Final[dict[FlowUnitName, tuple[float, float]]] = {
+    "images": (1.0, 1.0),
+    "half images": (0.5, 0.5),
+    "clip space": (0.5, -0.5),
+}
+"""Units of length that depend on the size of the image, in widths and heights of it; negative where v is upwards."""
+
+LENGTHS: Final[tuple[FlowUnitName, ...]] = (*_IMAGES, "focal lengths")
+"""Units in which flow is not in pixels but in lengths of its camera."""
+
+
+def length_of_flow_px(facts: Facts, unit: FlowUnitName) -> tuple[float, float] | None:
+    """Return the length of a unit of ``LENGTHS`` along columns and rows, px; None without a declared depth camera.
+
+    That along rows is negative where v is upwards.
+    """
+    camera = facts.declared.cameras.get("depth")
+    if camera is None:
+        return None
+    if unit == "focal lengths":
+        return abs(float(camera.K[0, 0])), abs(float(camera.K[1, 1]))
+    along_columns, along_rows = _IMAGES[unit]
+    return along_columns * camera.width, along_rows * camera.height
 
 
 def frame_period_s(facts: Facts) -> float:
@@ -174,9 +197,10 @@ class FlowUnit:
         ``flow``, or a rate.
     unit
         ``px/s``; ``px s``: the equation of the paper applied to a displacement; ``images`` or ``half images``: u in
-        widths and v in heights of the image, or in halves of them, as samplers of networks count from -1 to 1; ``px per
-        frame``: the motion during one period of the colour frames, whatever the interval; ``fractions``: whole numbers
-        of a fraction of a pixel, that nothing has divided.
+        widths and v in heights of the image, or in halves of them, as samplers of networks count from -1 to 1; ``clip
+        space``: halves, with v upwards, as buffers of renderers have it; ``focal lengths``: on the plane at z = 1, as
+        undistorted points without a K are; ``px per frame``: the motion during one period of the colour frames,
+        whatever the interval; ``fractions``: whole numbers of a fraction of a pixel, that nothing has divided.
     per_px
         Number of fractions in a pixel.
     """
@@ -195,8 +219,8 @@ class FlowUnit:
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Convert from px."""
-        if self.unit in _IMAGES:
-            return self._in_images(facts, f"{self.stream} is in {self.unit}", -1)
+        if self.unit in LENGTHS:
+            return self._in_lengths(facts, f"{self.stream} is in {self.unit}", -1)
         if self.unit == "fractions":
             return self._in_fractions(facts, f"{self.stream} is in 1/{self.per_px:g} px", self.per_px)
         divided = self.unit in ("px/s", "px per frame")
@@ -204,8 +228,8 @@ class FlowUnit:
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Convert to px."""
-        if self.unit in _IMAGES:
-            return self._in_images(facts, f"{self.stream} from {self.unit} to px", 1)
+        if self.unit in LENGTHS:
+            return self._in_lengths(facts, f"{self.stream} from {self.unit} to px", 1)
         if self.unit == "fractions":
             return self._in_fractions(facts, f"{self.stream} from 1/{self.per_px:g} px to px", 1 / self.per_px)
         divided = self.unit not in ("px/s", "px per frame")
@@ -215,10 +239,16 @@ class FlowUnit:
         factor, keys = np.float64(gain), value_keys(facts, self.stream)
         return Fault(description, dict.fromkeys(keys, in_rows(lambda flow: flow * factor, None)))
 
-    def _in_images(self, facts: Facts, description: str, power: Literal[1, -1]) -> Fault:
+    def _in_lengths(self, facts: Facts, description: str, power: Literal[1, -1]) -> Fault:
+        of_camera_px = length_of_flow_px(facts, self.unit)
+        if self.unit == "focal lengths" and of_camera_px is None:
+            raise InapplicableError("Expected a declared depth camera, got none: its focal length is the unit")
+
         def scaled(flow: NDArray[Any]) -> NDArray[Any]:
             height, width = flow.shape[-3:-1]
-            return flow * (_IMAGES[self.unit] * np.array([width, height], np.float64)) ** power
+            along_columns, along_rows = _IMAGES.get(self.unit, (0.0, 0.0))
+            length_px = of_camera_px if self.unit == "focal lengths" else (along_columns * width, along_rows * height)
+            return flow * np.array(length_px, np.float64) ** power
 
         keys = value_keys(facts, self.stream)
         return Fault(description, dict.fromkeys(keys, in_rows(scaled, None)))

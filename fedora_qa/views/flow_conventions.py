@@ -185,20 +185,24 @@ def _with_other_flow(
     turned = {"negated": -flow, "transposed_axes": flow[:, ::-1], "flipped_v": flow * (1, -1)}
     for name, values in turned.items():
         yield transformed(name, values)
-    if seconds > 0:
-        yield transformed("another_unit", flow * seconds, 1 / seconds)
-        yield transformed("another_unit", flow / seconds, seconds)
-        # Of two conventions at once neither alone removes much. An interval of a second has no other unit.
-        for name, values in turned.items() if abs(seconds - 1) > _ANOTHER_GAIN else ():
-            yield transformed(f"{name}_in_another_unit", values * seconds, 1 / seconds)
-            yield transformed(f"{name}_in_another_unit", values / seconds, seconds)
-    # Shares of the image, or of halves of it.
-    yield transformed("another_unit", flow * (width, height), 1 / width)
-    yield transformed("another_unit", flow * (width / 2, height / 2), 2 / width)
+    # An interval of a second has no other unit of time.
+    of_time = (seconds, 1 / seconds) if seconds > 0 and abs(seconds - 1) > _ANOTHER_GAIN else ()
+    # Shares of the image, or of halves of it, and the plane at z = 1.
+    focal_px = np.abs(np.diag(track.camera.K)[:2])
+    lengths_px = ((width, height), (width / 2, height / 2), (float(focal_px[0]), float(focal_px[1])))
+    # Each with the factor of values that are in that unit.
+    for unit, factor in (
+        *((np.array([time_s, time_s]), 1 / time_s) for time_s in of_time),
+        *((np.array(length_px), 1 / length_px[0]) for length_px in lengths_px),
+    ):
+        yield transformed("another_unit", flow * unit, factor)
+        # Of two conventions at once neither alone removes much.
+        for name, values in turned.items():
+            yield transformed(f"{name}_in_another_unit", values * unit, factor)
     # The factor that fits best, by least squares of stored = factor * recomputed.
     recomputed = sample.rigid_flow(track.camera.K, motion)
     ratio = float(np.nansum(flow * recomputed) / max(float(np.nansum(recomputed**2)), 1e-300))
-    units = (seconds, 1 / seconds) if seconds > 0 else ()
+    units = (*of_time, *(1 / length_px for along_axes_px in lengths_px for length_px in along_axes_px))
     for factor in (ratio, 2.0, 0.5):
         if factor > 0 and all(abs(factor / unit - 1) > _ANOTHER_GAIN for unit in units):
             yield transformed("scaled", flow / factor, 100 * (factor - 1))

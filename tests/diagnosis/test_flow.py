@@ -1,11 +1,12 @@
 """What a gain of the flow means: a sign, a unit, or a gain."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.diagnosis.flow import fractions_of_px, frame_period_of, gain_hypothesis
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.faults.units import FlowUnit, frame_period_s
+from fedora_qa.faults.units import LENGTHS, FlowUnit, FlowUnitName, frame_period_s, length_of_flow_px
 from tests.support.memory_sequence import facts_of, memory_sequence
 
 SECONDS, TOLERANCE = 0.04, 0.02
@@ -71,3 +72,26 @@ def test_flow_from_frame_to_frame_must_be_in_order() -> None:
     assert frame_period_of(facts, {own: True, "flow/1hz": True}) == 0.0
     first = next(faults_for("flow_unit", "flow", period_s * 10, (), {}, facts))
     assert first == FlowUnit("flow", "px per frame")
+
+
+@given(st.sampled_from((234.0, 270.0, 135.0)), st.sampled_from((1, -1)), st.floats(-0.015, 0.015))
+def test_reciprocals_of_lengths_of_the_camera_are_units(length_px: float, sign: int, deviation: float) -> None:
+    """Also between those along columns and along rows, where they are unequal."""
+    factor = sign * (1 + deviation) / length_px
+    lengths_px = ((270.0, 200.0), (135.0, 100.0))
+    hypothesis = gain_hypothesis("flow", factor - 1.0, None, 1.0, SECONDS, TOLERANCE, 0.0, lengths_px)
+    assert hypothesis.cause == "flow_unit"
+    assert hypothesis.magnitude == pytest.approx(abs(factor))
+    assert gain_hypothesis("flow", 1 / 300.0 - 1.0, None, 1.0, SECONDS, TOLERANCE, 0.0, lengths_px).cause == "flow_gain"
+
+
+@pytest.mark.parametrize("unit", LENGTHS)
+def test_the_unit_of_the_fitted_length_is_undone_first(unit: FlowUnitName) -> None:
+    """The size of a unit of length is the reciprocal of the length along columns."""
+    facts = facts_of(memory_sequence())
+    length_px = length_of_flow_px(facts, unit)
+    assert length_px is not None
+    faults = list(faults_for("flow_unit", "flow", 1 / length_px[0], (), {}, facts))
+    # Half images and clip space have one length along columns.
+    assert FlowUnit("flow", unit) in faults[: 2 if unit in ("half images", "clip space") else 1]
+    assert {fault.unit for fault in faults if isinstance(fault, FlowUnit)} == {*LENGTHS, "px s"}

@@ -54,7 +54,7 @@ from fedora_qa.faults.motion import (
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
-from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
+from fedora_qa.faults.units import LENGTHS, AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
 from tests.support.memory_sequence import FLOW_STRIDES, MS, MemorySequence, all_rows, facts_of, memory_sequence
 
 FLOWS = ("flow", *(f"flow/{rate}" for rate in FLOW_STRIDES))
@@ -146,7 +146,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(NoiseMisdeclared, st.just("events"), st.tuples(st.tuples(st.just("leak_rate_hz"), unit))), rounded),
     (st.builds(LengthUnit, st.sampled_from(["depth", "pose"]), st.sampled_from([1e-3, 1e3, 1.013]), ranges), rounded),
     (st.builds(AngleUnit, st.just(180 / np.pi), ranges), rounded),
-    (st.builds(FlowUnit, flows, st.sampled_from(["px/s", "px s", "px per frame"])), rounded),
+    (st.builds(FlowUnit, flows, st.sampled_from(["px/s", "px s", "px per frame", *LENGTHS])), rounded),
     (st.builds(FlowUnit, flows, st.just("fractions"), st.sampled_from([64.0, 1000.0])), rounded),
     (st.builds(FlowSign, flows), exact),
     (st.builds(FlowGain, flows, st.floats(-50, 90), ranges), rounded),

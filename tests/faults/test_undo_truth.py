@@ -149,6 +149,12 @@ def in_images(arrays: Arrays) -> Arrays:
     return {key: share.astype(np.float32) for key, share in shares.items()}
 
 
+def in_focal_lengths(arrays: Arrays) -> Arrays:
+    """Divide u by fx, and v by fy, of the camera of depth and flow."""
+    K = facts_of(memory_sequence()).declared.cameras["depth"].K
+    return {key: (arrays[key].astype(float) / (K[0, 0], K[1, 1])).astype(np.float32) for key in FLOW_KEYS}
+
+
 def attitudes_at_imu(arrays: Arrays) -> Rotation:
     """Body-to-world rotations at the IMU times, by cubic splines of the rotation vectors, which are linear here."""
     vectors = Rotation.from_quat(arrays["path/pose/orientation"]).as_rotvec()
@@ -262,6 +268,11 @@ ROUNDED: list[Truth] = [
     (FlowUnit("flow", "px per frame"), per_frame),
     (FlowUnit("flow", "fractions", 128.0), on(lambda flow: flow * np.float32(128), *FLOW_KEYS)),
     (FlowUnit("flow", "images"), in_images),
+    (
+        FlowUnit("flow", "clip space"),
+        lambda arrays: {key: flow * np.float32([2, -2]) for key, flow in in_images(arrays).items()},
+    ),
+    (FlowUnit("flow", "focal lengths"), in_focal_lengths),
     (FlowUnit("flow", "half images"), lambda arrays: {key: 2 * flow for key, flow in in_images(arrays).items()}),
     (FlowGain("flow", 10), on(lambda flow: flow + flow / np.float32(10), *FLOW_KEYS)),
     (GyroBias((0.1, 0, -0.2)), on(lambda v: v + np.array([0.1, 0, -0.2]), "path/imu/angular_velocity")),

@@ -113,6 +113,7 @@ VALUE_FAULTS = {
     "sign": (lambda _, flow: -flow, "flow_sign", None),
     "px/s": (lambda stream, flow: flow * float(stream.split("/")[1][:-2]), "flow_unit", 10.0),
     "px s": (lambda stream, flow: flow / float(stream.split("/")[1][:-2]), "flow_unit", 0.1),
+    "focal lengths": (lambda _, flow: flow / np.array([K[0, 0], K[1, 1]]), "flow_unit", None),
     "half images": (lambda _, flow: flow / (np.array(flow.shape[-2:-4:-1]) / 2), "flow_unit", None),
     "axes": (lambda _, flow: flow[..., ::-1], "axes_swapped", None),
     "v up": (lambda _, flow: flow * np.array([1, -1]), "frame_convention", None),
@@ -141,16 +142,27 @@ TWO_CONVENTIONS = {
 }
 
 
-@pytest.mark.parametrize(("change", "cause"), TWO_CONVENTIONS.values(), ids=TWO_CONVENTIONS)
-def test_two_conventions_at_once_are_both_proposed(change: object, cause: str) -> None:
+UNITS_OF_BOTH_AXES = {"px/s": 10.0, "focal lengths": 1 / K[0, 0]}
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "convention"),
+    [
+        *((unit, factor, name) for unit, factor in UNITS_OF_BOTH_AXES.items() for name in TWO_CONVENTIONS),
+        # Where the unit differs between the axes, exchanging them before is not exchanging them after.
+        *(("half images", 2 / 192, name) for name in ("v up", "sign")),
+    ],
+)
+def test_two_conventions_at_once_are_both_proposed(unit: str, factor: float, convention: str) -> None:
     """Neither alone removes much: the unit with its factor, and what else was done to the vectors."""
-    per_second = VALUE_FAULTS["px/s"][0]
-    off = clean().with_flow(lambda stream, flow: change(per_second(stream, flow)))  # type: ignore[operator]
+    change, cause = TWO_CONVENTIONS[convention]
+    in_unit = VALUE_FAULTS[unit][0]
+    off = clean().with_flow(lambda stream, flow: change(in_unit(stream, flow)))
     result = judged(FlowGeometryEndpoint(), off)
     hypotheses = sorted(hypotheses_of(result.alarms[0], off.facts), key=lambda hypothesis: hypothesis.support)
     supports = {h.cause: h for h in hypotheses if h.stream == "flow"}
     assert supports["flow_unit"].support > 0.98
-    assert supports["flow_unit"].magnitude == pytest.approx(10.0, rel=1e-3)
+    assert supports["flow_unit"].magnitude == pytest.approx(factor, rel=1e-3)
     assert supports[cause].support > 0.98
     assert supports[cause].magnitude is None
 
