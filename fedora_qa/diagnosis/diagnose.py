@@ -30,7 +30,7 @@ from fedora_qa.diagnosis.conclusion import (
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
-from fedora_qa.diagnosis.vetoes import ClockPlace, contradicts
+from fedora_qa.diagnosis.vetoes import COMPARED_BY_FLOW, ClockPlace, contradicts, is_flow_of_a_part
 from fedora_qa.faults.fault import ReversibleFault, is_of_part
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis
@@ -70,10 +70,12 @@ def rank_candidates(
     places
         Of the clocks.
     """
+    excluded = COMPARED_BY_FLOW if is_flow_of_a_part(alarms) else frozenset()
     candidates = [
         candidate
         for candidate in gather_candidates(hypotheses, _weights(alarms))
-        if not contradicts(candidate.cause, candidate.stream, candidate.size.magnitude, results, places)
+        if stream_family(candidate.stream) not in excluded
+        and not contradicts(candidate.cause, candidate.stream, candidate.size.magnitude, results, places)
     ]
     return sorted(candidates, key=lambda candidate: -candidate.total_support)
 
@@ -213,6 +215,9 @@ def _size_by_trial(cause: str, fitted: float | None, fault: ReversibleFault) -> 
         return of_fault
     if cause == "flow_unit" and of_fault is not None and abs(of_fault) > 1.0:
         # Fractions of a pixel: the number of them is exact.
+        return of_fault
+    if getattr(fault, "v_percent", None) is not None:
+        # The fitted size is that of one factor.
         return of_fault
     is_of_another_step = cause == "time_offset" and of_fault is not None and not isclose(of_fault, fitted)
     return of_fault if is_of_another_step else fitted

@@ -27,6 +27,9 @@ CAUSES_OF_TRANSFORM: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({
     "other_mounting": ("frame_convention",),
     "another_unit": ("flow_unit",),
     "scaled": ("flow_gain",),
+    "scaled_by_axis": ("flow_gain",),
+    # Flow of the turning or of the way alone, or of each by another factor, has no cause of the list.
+    "parts_of_motion": (),
     "shifted_pixels": ("spatial_offset",),
     "rescaled_by_interval": ("flow_unit",),
     "times_interval": ("flow_unit",),

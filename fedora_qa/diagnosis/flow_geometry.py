@@ -5,6 +5,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
+import numpy as np
+
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.flow_geometry.endpoint import (
     FieldsOff,
@@ -129,7 +131,11 @@ def _of_one_rate(rate: str, features: Sequence[Feature], facts: Facts) -> tuple[
     trials = [feature for feature in features if isinstance(feature, ConventionTrial)]
     # Flow of the same sequence follows the recomputed flow.
     correlation = max((fit.correlation for fit in features if isinstance(fit, FlowGainFit)), default=0.0)
-    unrelated = min((1.0 - correlation**2) / _UNRELATED, 1.0)
+    # So does flow of a part of the motion of the file: of the share of the length that it leaves, the square.
+    by_parts = [t.removed_share for t in trials if (t.rate, t.transform) == (rate, "parts_of_motion")]
+    follows_parts = float(np.mean(by_parts)) if by_parts else 0.0
+    left = min(1.0 - correlation**2, (1.0 - follows_parts) ** 2)
+    unrelated = min(left / _UNRELATED, 1.0)
     conventions = [
         replace(hypothesis, support=hypothesis.support * unrelated)
         if hypothesis.cause == "other_sequence"

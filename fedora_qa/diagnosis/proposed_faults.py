@@ -14,7 +14,13 @@ from fedora_qa.checks.event_response.alignment import CameraErrorFits
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
-from fedora_qa.diagnosis.declared_cameras import mounting_units, odd_centres, odd_mounting, other_sizes, transposed
+from fedora_qa.diagnosis.declared_cameras import (
+    mounting_units,
+    odd_centres,
+    odd_mounting,
+    other_sizes,
+    transposed,
+)
 from fedora_qa.diagnosis.flow import fractions_of_px
 from fedora_qa.diagnosis.measured_sizes import (
     Results,
@@ -46,9 +52,13 @@ from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_comparison import FlowParameterFit
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 
 Faults = Iterator[ReversibleFault]
+
+_FOLLOWS: Final = 0.5
+"""Least share of a deviation that two factors remove to be tried. The value is not derived: a trial decides."""
 
 _ORDERS: Final = ("BGR", "RBG", "GRB", "GBR", "BRG")
 _MOST_ORDERS: Final = 2
@@ -337,6 +347,21 @@ def _flow_units(fit: FittedCause) -> Faults:
         yield units.FlowUnit(fit.stream, unit)
 
 
+def _flow_gain(fit: FittedCause) -> Faults:
+    by_axis = [
+        feature
+        for alarm in fit.alarms
+        for feature in alarm.statistic.features
+        if isinstance(feature, ConventionTrial) and feature.transform == "scaled_by_axis"
+    ]
+    # Of all fields that were tried the one that follows the factors most closely states them.
+    best = max(by_axis, key=lambda trial: trial.removed_share, default=None)
+    if best is not None and best.removed_share > _FOLLOWS:
+        u_percent, v_percent = best.components
+        yield units.FlowGain(fit.stream, u_percent, v_percent=v_percent)
+    yield units.FlowGain(fit.stream, fit.size)
+
+
 def _flow_interval(fit: FittedCause) -> Faults:
     for intervals in (round(fit.size),) if round(fit.size) else (1, -1):
         yield flow.FlowIntervalShift(fit.stream, intervals)
@@ -520,7 +545,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "unit_deg_rad": _angle_unit,
         "flow_unit": _flow_units,
         "flow_sign": lambda fit: iter([units.FlowSign(fit.stream)]),
-        "flow_gain": lambda fit: iter([units.FlowGain(fit.stream, fit.size)]),
+        "flow_gain": _flow_gain,
         "flow_interval_shifted": _flow_interval,
         "intrinsics_focal": _focal_length,
         "intrinsics_centre": _principal_point,

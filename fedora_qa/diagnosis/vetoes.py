@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 from fedora_qa.causes import stream_family
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.measured_sizes import Results, measured
+from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.flow_conventions import ConventionTrial
 
 Place = Literal["in", "out", "unknown"]
 
@@ -70,6 +72,9 @@ _IN_ORDER: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
         # Vignetting of a part of the file is a jump where it begins.
         ("vignetting", "rgb"): ("images.vignetting", "images.exposure"),
         ("depth_ray_not_z", "depth"): ("depth.projection",),
+        # Depths that agree with the path, and lie where they are declared to lie, have the unit of the path.
+        ("unit_mm_m", "depth"): ("depth.scale", "depth.range", "depth.consistency"),
+        ("unit_mm_m", "pose"): ("depth.scale", "depth.range", "depth.consistency"),
         # Repeats are counted bit by bit, and straight lines leave no curvature.
         ("frozen_frames", "pose"): ("pose.continuity",),
         ("interpolated_pose", "pose"): ("pose.continuity",),
@@ -90,6 +95,12 @@ _CORRELATED: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     }
 )
 """Checks that correlate a stream with others: where one of them passes, the stream is of the same sequence."""
+
+_EXACT: Final = 0.98
+"""Removed share from which a transform is all of a deviation."""
+
+COMPARED_BY_FLOW: Final = frozenset({"flow", "rgb"})
+"""Streams whose faults flow of a part of the motion resembles."""
 
 _ATTITUDE_CONVENTIONS: Final = frozenset({"quaternion_order", "quaternion_inverted", "frame_convention"})
 """Causes by which attitudes are those of another body."""
@@ -251,6 +262,27 @@ def _is_of_this_sequence(family: str, results: Results) -> bool:
         correlates |= _has_finding(results.get("event_stream.bounds"), "event_stream.bounds.one_polarity")
     disturbed = any(_failed(results.get(check)) for check in _OWN.get(family, ()))
     return correlates or disturbed or _steps_back(results.get("clocks.order"), family)
+
+
+def is_flow_of_a_part(alarms: Sequence[Alarm]) -> bool:
+    """Whether flow follows a part of the motion of depth and poses, and nothing else explains how it deviates.
+
+    Flow of the turning alone, or of the way alone, is exactly a sum of both with other factors. No other fault of flow,
+    or of the frames with which it is compared, is: a gain has one factor for both, and leaves nothing either.
+
+    Parameters
+    ----------
+    alarms
+        Of the file, with the convention trials of ``flow_geometry.endpoint``.
+    """
+    shares: dict[str, list[float]] = {}
+    for alarm in alarms:
+        if alarm.finding.code.startswith("flow_geometry.endpoint."):
+            for trial in alarm.statistic.features:
+                if isinstance(trial, ConventionTrial) and trial.stream == "flow":
+                    shares.setdefault(trial.transform, []).append(trial.removed_share)
+    explain = {transform for transform, removed in shares.items() if np.mean(removed) > _EXACT}
+    return explain == {"parts_of_motion"}
 
 
 def _largest_jump_that_passes(measurement: Measurement) -> float:

@@ -102,29 +102,38 @@ class FlowGain:
         Excess of the factor over 1.
     rows
         The fields; None: all.
+    v_percent
+        That of the component along rows of pixels, v; None: the same as of u.
     """
 
     stream: str
     percent: float
     rows: RowRange | None = None
+    v_percent: float | None = None
     cause: ClassVar[str] = "flow_gain"
 
     @property
     def magnitude(self) -> float:
-        """Excess of the factor, percent."""
-        return self.percent
+        """Excess of the factor, percent; the larger one of both components."""
+        return max(self.percent, self.percent if self.v_percent is None else self.v_percent, key=abs)
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Multiply by the factor."""
-        gain, keys = np.float64(1 + self.percent / 100), value_keys(facts, self.stream)
-        alter = in_rows(lambda flow: flow * gain, self.rows)
-        return Fault(f"{self.stream} is {self.percent:.3g}% too large", dict.fromkeys(keys, alter))
+        gains, keys = self._gains, value_keys(facts, self.stream)
+        alter = in_rows(lambda flow: flow * gains, self.rows)
+        return Fault(f"{self.stream} is {self.magnitude:.3g}% too large", dict.fromkeys(keys, alter))
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Divide by the factor."""
-        gain, keys = np.float64(1 + self.percent / 100), value_keys(facts, self.stream)
-        alter = in_rows(lambda flow: flow / gain, self.rows)
-        return Fault(f"{self.stream} divided by {gain:.6g}", dict.fromkeys(keys, alter))
+        gains, keys = self._gains, value_keys(facts, self.stream)
+        alter = in_rows(lambda flow: flow / gains, self.rows)
+        of_v = "" if gains[0] == gains[1] else f" along columns, by {gains[1]:.6g} along rows"
+        return Fault(f"{self.stream} divided by {gains[0]:.6g}{of_v}", dict.fromkeys(keys, alter))
+
+    @property
+    def _gains(self) -> NDArray[np.float64]:
+        v_percent = self.percent if self.v_percent is None else self.v_percent
+        return 1 + np.array([self.percent, v_percent]) / 100
 
 
 @dataclass(frozen=True, slots=True)

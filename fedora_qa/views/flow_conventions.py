@@ -54,6 +54,8 @@ class ConventionTrial(Feature):
         Share of the field's deviation that the transform removes, 0 (none) to 1 (all).
     magnitude
         Size of the fault that the transform would undo, in the unit of that fault; None where it has no size.
+    components
+        Of a size along columns and along rows; empty where it has one number.
     """
 
     rate: str
@@ -61,6 +63,7 @@ class ConventionTrial(Feature):
     stream: str
     removed_share: float
     magnitude: float | None = None
+    components: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +75,7 @@ class _TransformedField:
     sample: FlowSample | None
     motion: RigidMotion | None
     magnitude: float | None = None
+    components: tuple[float, ...] = ()
 
 
 def try_inverse_transforms(
@@ -123,7 +127,7 @@ def try_inverse_transforms(
             continue
         key, removed_share = (field.transform, field.stream), max(1.0 - residual / reference, 0.0)
         if key not in best or best[key].removed_share < removed_share:
-            best[key] = ConventionTrial(interval.stream, *key, removed_share, field.magnitude)
+            best[key] = ConventionTrial(interval.stream, *key, removed_share, field.magnitude, field.components)
     return list(best.values())
 
 
@@ -206,6 +210,21 @@ def _with_other_flow(
     for factor in (ratio, 2.0, 0.5):
         if factor > 0 and all(abs(factor / unit - 1) > _ANOTHER_GAIN for unit in units):
             yield transformed("scaled", flow / factor, 100 * (factor - 1))
+    # One factor for each axis.
+    by_axis = np.nansum(flow * recomputed, axis=0) / np.maximum(np.nansum(recomputed**2, axis=0), 1e-300)
+    if np.all(by_axis > 0) and abs(by_axis[0] / by_axis[1] - 1) > _ANOTHER_GAIN:
+        along_columns, along_rows = (100 * (float(factor) - 1) for factor in by_axis)
+        larger = max(along_columns, along_rows, key=abs)
+        of_axes = transformed("scaled_by_axis", flow / by_axis, larger)
+        yield replace(of_axes, components=(along_columns, along_rows))
+    # A factor for what turning moves, and one for what the way moves.
+    turning = sample.rigid_flow(track.camera.K, replace(motion, t_m=np.zeros(3)))
+    parts = np.stack([turning, recomputed - turning], axis=-1)
+    valid = np.isfinite(parts).all(axis=(1, 2)) & np.isfinite(flow).all(axis=1)
+    # A flow of zeros is both by a factor of 0.
+    if np.any(flow[valid]):
+        factors = np.linalg.lstsq(parts[valid].reshape(-1, 2), flow[valid].reshape(-1), rcond=None)[0]
+        yield transformed("parts_of_motion", flow - parts @ (factors - 1))
     for columns, rows, signs_of_vectors in (
         (width - 1 - column, row, (-1, 1)),
         (column, height - 1 - row, (1, -1)),

@@ -21,13 +21,14 @@ from fedora_qa.faults.fault import is_of_part
 from fedora_qa.faults.images import RayLength
 from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.table import faults_of
-from fedora_qa.faults.units import AngleUnit
+from fedora_qa.faults.units import AngleUnit, FlowGain
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.record.types import Finding, Measurement, Result, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_comparison import FlowParameterFit
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.inertial_agreement import InertialConventionTrial
 from tests.support.memory_sequence import facts_of, memory_sequence
 
@@ -93,6 +94,24 @@ def test_rays_are_undone_in_the_direction_that_was_fitted(fitted: float, first: 
     results = dict([result("depth.projection", ray_exponent=fitted)])
     faults = list(faults_for("depth_ray_not_z", "depth", None, (), results, facts_of(memory_sequence())))
     assert faults == [RayLength(first), RayLength(-first)]
+
+
+def test_factors_of_both_axes_are_undone_first() -> None:
+    """Those of the field that follows them most closely; the fitted gain of both axes is tried as well."""
+    features = [
+        ConventionTrial("flow/10hz", "scaled_by_axis", "flow", share, v_percent, (0.0, v_percent))
+        for share, v_percent in ((0.7, 13.0), (0.99, 14.0), (0.4, 15.0))
+    ]
+    faults = list(
+        faults_for("flow_gain", "flow", 4.0, (alarm("toy.toy.off", *features),), {}, facts_of(memory_sequence()))
+    )
+    assert faults == [FlowGain("flow", 0.0, v_percent=14.0), FlowGain("flow", 4.0)]
+    assert (
+        list(
+            faults_for("flow_gain", "flow", 4.0, (alarm("toy.toy.off", features[2]),), {}, facts_of(memory_sequence()))
+        )
+        == faults[1:]
+    )
 
 
 def test_thresholds_are_those_that_were_fitted() -> None:

@@ -25,6 +25,17 @@ def test_jumps_that_fail_contradict_no_teleport() -> None:
     assert not contradicts("teleport", "pose", 1e-3, results, {})
 
 
+@pytest.mark.parametrize("stream", ["depth", "pose"])
+def test_depths_that_agree_with_the_path_have_its_unit(stream: str) -> None:
+    """In their declared range; where any of the three checks does not pass, a unit may be wrong."""
+    checks = ("depth.scale", "depth.range", "depth.consistency")
+    results = {check: Result(check, "passed", "in order") for check in checks}
+    assert contradicts("unit_mm_m", stream, 1000.0, results, {})
+    for check in checks:
+        assert not contradicts("unit_mm_m", stream, 1000.0, {**results, check: Result(check, "failed", "off")}, {})
+        assert not contradicts("unit_mm_m", stream, 1000.0, {k: v for k, v in results.items() if k != check}, {})
+
+
 def places_of(facts: Facts) -> dict[str, Place]:
     return {stream: clock.place for stream, clock in places_of_clocks(facts).items()}
 

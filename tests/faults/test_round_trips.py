@@ -149,7 +149,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(FlowUnit, flows, st.sampled_from(["px/s", "px s", "px per frame", *LENGTHS])), rounded),
     (st.builds(FlowUnit, flows, st.just("fractions"), st.sampled_from([64.0, 1000.0])), rounded),
     (st.builds(FlowSign, flows), exact),
-    (st.builds(FlowGain, flows, st.floats(-50, 90), ranges), rounded),
+    (st.builds(FlowGain, flows, st.floats(-50, 90), ranges, st.none() | st.floats(-50, 90)), rounded),
     (st.builds(FlowIntervalShift, st.just("flow/50hz"), st.integers(-2, 2)), kept),
     (st.builds(FocalLength, made_with_camera, st.floats(-20, 20)), rounded),
     (st.builds(PrincipalPointShift, made_with_camera, st.floats(-3, 3), st.floats(-3, 3)), rounded),

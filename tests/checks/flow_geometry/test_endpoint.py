@@ -12,11 +12,22 @@ from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.flow_geometry.endpoint import FlowGeometryEndpoint, correction_growth
 from fedora_qa.diagnosis.flow_geometry import noise_likeness
 from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.vetoes import is_flow_of_a_part
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.views.flow_comparison import FieldError
 from fedora_qa.views.flow_intervals import Interval
-from tests.support.flow_world import T_BODY_CAMERA, FlowWorld, K, judged, make_world, observe
+from tests.support.flow_world import (
+    T_BODY_CAMERA,
+    FlowWorld,
+    K,
+    body_pose,
+    judged,
+    make_world,
+    observe,
+    pixel_grid,
+    rays_body,
+)
 
 NOISE = PoseModel(position_sigma_m=0.005, rotation_sigma_rad=np.radians(0.2))
 
@@ -110,6 +121,7 @@ def resampled(flow: np.ndarray, shift_px: tuple[float, float]) -> np.ndarray:
 VALUE_FAULTS = {
     "gain": (lambda _, flow: flow * 1.02, "flow_gain", 2.0),
     "doubled": (lambda _, flow: flow * 2, "flow_gain", 100.0),
+    "v gained": (lambda _, flow: flow * np.array([1, 1.14]), "flow_gain", 14.0),
     "sign": (lambda _, flow: -flow, "flow_sign", None),
     "px/s": (lambda stream, flow: flow * float(stream.split("/")[1][:-2]), "flow_unit", 10.0),
     "px s": (lambda stream, flow: flow / float(stream.split("/")[1][:-2]), "flow_unit", 0.1),
@@ -165,6 +177,47 @@ def test_two_conventions_at_once_are_both_proposed(unit: str, factor: float, con
     assert supports["flow_unit"].magnitude == pytest.approx(factor, rel=1e-3)
     assert supports[cause].support > 0.98
     assert supports[cause].magnitude is None
+
+
+def turning_px(start_s: float, end_s: float) -> np.ndarray:
+    """Flow (H, W, 2) of a camera that turns and stays where it is."""
+    start, end = body_pose(start_s)[0], body_pose(end_s)[0]
+    optical = (end.inv() * start).apply(rays_body().reshape(-1, 3)) @ T_BODY_CAMERA[:3, :3]
+    projected = (optical / optical[:, 2:]) @ K.T
+    columns, rows = pixel_grid()
+    return projected[:, :2].reshape(*columns.shape, 2) - np.stack([columns, rows], axis=-1)
+
+
+@pytest.mark.parametrize("factors", [(1, 0), (0, 1), (1, 3)], ids=["turning alone", "without turning", "long way"])
+def test_flow_of_a_part_of_the_motion_is_of_the_sequence(factors: tuple[float, float]) -> None:
+    """It is of the turning and the way of the file, each by its own factor, which has no cause of the list in flow."""
+    of_turning, of_way = factors
+
+    def parts(stream: str, flow: np.ndarray) -> np.ndarray:
+        clock = clean().facts.clocks[stream]
+        assert clock.ends_ns is not None
+        intervals_s = 1e-9 * np.stack([clock.times_ns, clock.ends_ns], axis=-1)
+        turning = np.stack([turning_px(start_s, end_s) for start_s, end_s in intervals_s])
+        return of_turning * turning + of_way * (flow - turning)
+
+    off = clean().with_flow(parts)
+    result = judged(FlowGeometryEndpoint(), off)
+    assert is_flow_of_a_part(result.alarms)
+    hypotheses = [h for alarm in result.alarms for h in hypotheses_of(alarm, off.facts)]
+    assert all(h.support < 0.2 for h in hypotheses if h.cause == "other_sequence" and h.stream == "flow")
+
+
+@pytest.mark.parametrize("fault", ["gain", "v gained", "sign", "px/s", "v up", "shifted", "late"])
+def test_other_faults_of_flow_are_of_no_part_of_the_motion(fault: str) -> None:
+    """A gain and a unit have one factor for both parts; other faults leave more."""
+    result = judged(FlowGeometryEndpoint(), clean().with_flow(VALUE_FAULTS[fault][0]))
+    assert not is_flow_of_a_part(result.alarms)
+
+
+def test_flow_of_zeros_is_of_no_part_of_the_motion() -> None:
+    """Both parts with a factor of 0 say nothing."""
+    result = judged(FlowGeometryEndpoint(), clean().with_flow(lambda _, flow: 0 * flow))
+    assert not is_flow_of_a_part(result.alarms)
 
 
 def test_one_rate_alone_is_named() -> None:
