@@ -1,8 +1,8 @@
 """Hypotheses for declared cameras whose numbers are improbable, as causes of whatever depends on these cameras.
 
-K may be transposed, or of an image of another size, or have a principal point apart from the others; positions may be
-in another unit, and one camera of a rig may look elsewhere than the others. Each such declaration states its own
-correction, which a trial tests.
+K may be transposed, or of an image of another size, have focal lengths in millimetres or of the opposite sign, or have
+a principal point apart from the others; positions may be in another unit, and one camera of a rig may look elsewhere
+than the others. Each such declaration states its own correction, which a trial tests.
 """
 
 from collections.abc import Mapping
@@ -17,6 +17,8 @@ from fedora_qa.checks.metadata.cameras import convention_offset_px
 from fedora_qa.conventions import R_BODY_OPTICAL
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.faults.cameras import (
+    FilmFocalLength,
+    FocalLength,
     IntrinsicsOfSize,
     MountingRotation,
     MountingUnit,
@@ -48,6 +50,17 @@ _FARTHEST_M: Final = 2.0
 """Distance of a camera from the origin of its body, m, above which another unit is tried. The value is not derived:
 flying bodies and their sensor heads are smaller, and a trial decides."""
 
+_WIDEST: Final = 4.0
+"""Largest ratio of the longer side of an image to the focal length: the shortest focal length of a lens that images
+straight lines as such is 9 mm, for film of 36 mm, which is a view of 127 degrees."""
+
+_FILMS_MM: Final = (36.0, 20.955, 23.76)
+"""Longer sides of films for which focal lengths are given in mm: of 35 mm photography and Blender; of USD and Isaac
+Sim; of Unreal."""
+
+_OPPOSITE_PERCENT: Final = -200.0
+"""Excess of a focal length that has the opposite sign."""
+
 _ROUND_DEG: Final = 0.5
 _SAME: Final = 1e-7
 """Relative tolerance of round numbers: declared numbers are float64, and numbers with few digits rarely occur by
@@ -70,6 +83,17 @@ def of_declared_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             for fault in other_sizes(facts)
             if fault.camera == name
         ]
+    films = [fault for fault in film_focal_lengths(facts) if names & set(fault.names)]
+    hypotheses += [
+        Hypothesis("intrinsics_focal", "metadata", support("metadata.view_too_wide"), fault.magnitude, "percent")
+        for fault in films[:1]
+    ]
+    hypotheses += [
+        Hypothesis("intrinsics_focal", "metadata", support("metadata.focal_length_not_positive"), fault.magnitude,
+                   "percent")
+        for fault in opposite_focal_lengths(facts)
+        if fault.camera is None or fault.camera in names
+    ]  # fmt: skip
     odd = odd_mounting(facts)
     if odd is not None and odd.camera in names:
         of_odd = support("metadata.odd_mounting")
@@ -115,6 +139,44 @@ def other_sizes(facts: Facts) -> tuple[IntrinsicsOfSize, ...]:
         # Where both have one K, it is that of the image in the middle of which the principal point lies.
         and _from_middle(camera, camera) > _from_middle(camera, other)
     )
+
+
+def film_focal_lengths(facts: Facts) -> tuple[FilmFocalLength, ...]:
+    """Return the films of which focal lengths may be in millimetres; none where no camera's view is too wide.
+
+    One maker declares all cameras, and a small image may have about as many pixels as a film has millimetres: all of
+    them are first.
+    """
+    cameras = facts.declared.cameras
+    longer_px = {name: max(camera.width, camera.height) for name, camera in cameras.items()}
+    too_wide = tuple(
+        name
+        for name, camera in cameras.items()
+        if (camera.lens is None or camera.lens.model == "radtan")
+        and 0 < min(camera.K[0, 0], camera.K[1, 1]) < longer_px[name] / _WIDEST
+    )
+    if not too_wide:
+        return ()
+    return tuple(
+        FilmFocalLength(film_mm, names, 100 * (film_mm / max(longer_px[name] for name in names) - 1))
+        for names in dict.fromkeys((tuple(cameras), too_wide))
+        for film_mm in _FILMS_MM
+    )
+
+
+def opposite_focal_lengths(facts: Facts) -> tuple[FocalLength, ...]:
+    """Return the focal lengths that are negative, along columns or rows, as where image rows count upwards."""
+    cameras = facts.declared.cameras
+    signs = {name: (bool(camera.K[0, 0] < 0), bool(camera.K[1, 1] < 0)) for name, camera in cameras.items()}
+    names: tuple[str | None, ...] = tuple(name for name, negative in signs.items() if any(negative))
+    if names and len(set(signs.values())) == 1:
+        names = (None,)
+    faults = []
+    for name in names:
+        negative = signs[name if name is not None else next(iter(cameras))]
+        percent, rows_percent = (_OPPOSITE_PERCENT if each else 0.0 for each in negative)
+        faults.append(FocalLength("metadata", percent, name, rows_percent))
+    return tuple(faults)
 
 
 def _centre_inside(camera: Camera, image: Camera) -> bool:

@@ -15,9 +15,11 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.declared_cameras import (
+    film_focal_lengths,
     mounting_units,
     odd_centres,
     odd_mounting,
+    opposite_focal_lengths,
     other_sizes,
     transposed,
 )
@@ -393,6 +395,8 @@ def _camera_errors(fit: FittedCause, models: Collection[ShiftFieldModel]) -> Ite
 
 def _focal_length(fit: FittedCause) -> Faults:
     if fit.stream == "metadata":
+        yield from opposite_focal_lengths(fit.facts)
+        yield from film_focal_lengths(fit.facts)
         yield from other_sizes(fit.facts)
     for best in islice(_camera_errors(fit, FOCAL_MODELS), 1):
         # Events whose image is wider by k: f' = f / (1 + k) of the event camera, or f' = f (1 + k) of that of colour.

@@ -6,7 +6,7 @@ wrong and the declared camera, so that noise of the poses cancels to first order
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,6 +210,54 @@ class IntrinsicsOfSize:
             return replace(camera, K=to @ np.linalg.solve(of, camera.K))
 
         return _declared(facts, description, change, self.camera)
+
+
+@dataclass(frozen=True, slots=True)
+class FilmFocalLength:
+    """Focal lengths are in millimetres of a film, or of a sensor, whose longer side is that of the image.
+
+    Attributes
+    ----------
+    film_mm
+        Length of that side.
+    names
+        Of the declared cameras.
+    percent
+        Excess of the focal length; of several cameras the largest.
+    """
+
+    film_mm: float
+    names: tuple[str, ...]
+    percent: float
+    cause: ClassVar[str] = "intrinsics_focal"
+    stream: ClassVar[str] = "metadata"
+
+    @property
+    def magnitude(self) -> float:
+        """Excess of the focal length, percent."""
+        return self.percent
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare millimetres."""
+        of = ", ".join(self.names)
+        return self._scaled(facts, f"the focal length of {of} is in mm of a {self.film_mm:g} mm film", 1)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare pixels."""
+        of = ", ".join(self.names)
+        return self._scaled(facts, f"the focal length of {of} from mm of a {self.film_mm:g} mm film to px", -1)
+
+    def _scaled(self, facts: Facts, description: str, power: Literal[1, -1]) -> Fault:
+        if not facts.declared.cameras.keys() >= set(self.names):
+            raise InapplicableError(f"Expected declared cameras {', '.join(self.names)}, got fewer")
+
+        def changed(camera: Camera) -> Camera:
+            gain = (self.film_mm / max(camera.width, camera.height)) ** power
+            return replace(camera, K=camera.K * np.array([[gain, gain, 1.0], [gain, gain, 1.0], [1.0, 1.0, 1.0]]))
+
+        declared = facts.declared.cameras
+        cameras = {name: changed(camera) if name in self.names else camera for name, camera in declared.items()}
+        return Fault(description, declared=replace(facts.declared, cameras=cameras))
 
 
 def _of_size(width: int, height: int) -> Float64:

@@ -82,7 +82,11 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every("flow_gain", (units.FlowGain,)),
         **_every("flow_rate_mixed", WithoutInverse("The correct fields of the rate are not stored.")),
         **_every("flow_interval_shifted", (flow.FlowIntervalShift,)),
-        ("intrinsics_focal", "metadata"): (cameras.FocalLength, cameras.IntrinsicsOfSize),
+        ("intrinsics_focal", "metadata"): (
+            cameras.FocalLength,
+            cameras.IntrinsicsOfSize,
+            cameras.FilmFocalLength,
+        ),
         ("intrinsics_focal", "flow"): (cameras.FocalLength,),
         ("intrinsics_centre", "metadata"): (cameras.PrincipalPointShift, cameras.TransposedIntrinsics),
         ("intrinsics_centre", "flow"): (cameras.PrincipalPointShift,),

@@ -82,6 +82,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         cameras.MountingUnit: _MECHANICAL,
         cameras.TransposedIntrinsics: _MECHANICAL,
         cameras.IntrinsicsOfSize: "That both sizes have the same view is an assumption; calibrate the camera.",
+        cameras.FilmFocalLength: "The size of the film is an assumption; calibrate the camera.",
         declarations.ThresholdMisdeclared: _MECHANICAL,
         declarations.EventModelMisdeclared: _MECHANICAL,
         declarations.NoiseMisdeclared: _MECHANICAL,

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.causes import CAUSES
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.declared_cameras import odd_mounting, of_declared_cameras
+from fedora_qa.diagnosis.declared_cameras import film_focal_lengths, odd_mounting, of_declared_cameras
 from fedora_qa.diagnosis.metadata import propose_cameras
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.judgement.judge import Alarm
@@ -52,6 +52,20 @@ def of_twice_the_size(camera: Camera) -> Camera:
     return replace(camera, K=K)
 
 
+def in_mm_of_film(camera: Camera) -> Camera:
+    """Focal lengths in mm of a film of 36 mm, as Blender states them."""
+    return replace(camera, K=camera.K * with_focal_gains(36 / camera.width, 36 / camera.width))
+
+
+def rows_upwards(camera: Camera) -> Camera:
+    """A negative focal length along rows, as where rows count upwards."""
+    return replace(camera, K=camera.K * with_focal_gains(1.0, -1.0))
+
+
+def with_focal_gains(along_columns: float, along_rows: float) -> np.ndarray:
+    return np.array([[along_columns, 1.0, 1.0], [1.0, along_rows, 1.0], [1.0, 1.0, 1.0]])
+
+
 def facts_with_sizes() -> Facts:
     """Colour and depth of twice the size of the events, with principal points in the middle."""
     facts = facts_of(memory_sequence())
@@ -70,6 +84,8 @@ CASES = [
     ("depth.scale.factor", times(1000.0), ALL, "lever_arm"),
     ("depth.consistency.frame", times(100.0), ALL, "lever_arm"),
     ("event_response.orientation.unrelated", of_twice_the_size, ("events",), "intrinsics_focal"),
+    ("flow_geometry.endpoint.error", rows_upwards, ALL, "intrinsics_focal"),
+    ("flow_geometry.endpoint.error", rows_upwards, ("depth",), "intrinsics_focal"),
 ]
 
 
@@ -108,6 +124,27 @@ def test_correct_cameras_propose_nothing(code: str) -> None:
         return replace(camera, K=K, width=camera.width - 6)
 
     assert of_declared_cameras(alarm(code), declared(facts, cropped, ("events",))) == ()
+
+
+def large(camera: Camera) -> Camera:
+    """Sixteen times the size, with the same view."""
+    K = np.diag([16.0, 16.0, 1.0]) @ camera.K
+    return replace(camera, K=K, width=16 * camera.width, height=16 * camera.height)
+
+
+@pytest.mark.parametrize("names", [ALL, ("rgb",)])
+def test_focal_lengths_in_millimetres_of_a_film_are_put_back(names: tuple[str, ...]) -> None:
+    """All cameras are tried first, then those whose view no lens has; views of lenses propose no film."""
+    correct = declared(facts_with_sizes(), large, ALL)
+    assert film_focal_lengths(correct) == ()
+    facts = declared(correct, in_mm_of_film, names)
+    (hypothesis,) = of_declared_cameras(alarm("event_response.orientation.unrelated"), facts)
+    assert (hypothesis.cause, hypothesis.stream, hypothesis.unit) == ("intrinsics_focal", "metadata", "percent")
+    faults = [fault for fault in film_focal_lengths(facts) if fault.film_mm == 36.0]
+    assert [fault.names for fault in faults] == [*dict.fromkeys((ALL, names))]
+    undone = faults[-1].undo(facts, memory_sequence()).declared
+    assert undone is not None
+    assert are_alike(undone.cameras, correct.declared.cameras)
 
 
 def test_a_camera_concerns_the_checks_that_use_it() -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.faults.axes import CameraAxes, RectificationAxes, VectorAxes
 from fedora_qa.faults.cameras import (
+    FilmFocalLength,
     FocalLength,
     IntrinsicsOfSize,
     MountingLeverArm,
@@ -157,6 +158,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(MountingLeverArm, vectors), rounded),
     (st.builds(MountingUnit, st.sampled_from([100.0, 1000.0])), rounded),
     (st.just(TransposedIntrinsics()), exact),
+    (st.builds(FilmFocalLength, st.sampled_from([36.0, 23.76]), st.just(("rgb", "events")), st.just(0.0)), rounded),
     (st.builds(IntrinsicsOfSize, st.just("events"), st.integers(20, 900), st.integers(20, 900), st.just(0.0)), rounded),
     (st.builds(PoseLeverArm, vectors), rounded),
     (st.builds(QuaternionOrder, st.permutations(range(4)).map(tuple)), exact),

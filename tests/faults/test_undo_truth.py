@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.faults.axes import CameraAxes, RectificationAxes, VectorAxes
 from fedora_qa.faults.cameras import (
+    FilmFocalLength,
     FocalLength,
     IntrinsicsOfSize,
     MountingLeverArm,
@@ -478,6 +479,9 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
     centre = np.array([[K[0, 0], 0, K[0, 2] + 2], [0, K[1, 1], K[1, 2] - 1], [0, 0, 1]])
     # Of twice the size, the pixel of a centre c covers 2c and 2c + 1, whose middle is at 2c + 1/2.
     twice = np.array([[2 * K[0, 0], 0, 2 * K[0, 2] + 0.5], [0, 2 * K[1, 1], 2 * K[1, 2] + 0.5], [0, 0, 1]])
+    # 36 mm of film lie along the longer side of the image.
+    of_film = 36 / max(camera.width, camera.height)
+    in_mm = np.array([[of_film * K[0, 0], 0, K[0, 2]], [0, of_film * K[1, 1], K[1, 2]], [0, 0, 1]])
     rolled, forward, bare, far = T.copy(), T.copy(), np.eye(4), T.copy()
     far[:3, 3] *= 1000
     rolled[:3, :3] = T[:3, :3] @ Rotation.from_euler("z", 5, degrees=True).as_matrix()
@@ -489,6 +493,7 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
         "rolled": (MountingRotation("metadata", (0, 0, 5)), replace(camera, T_body_camera=rolled)),
         "transposed": (TransposedIntrinsics(), replace(camera, K=K.T)),
         "size": (IntrinsicsOfSize("depth", 2 * camera.width, 2 * camera.height, 100.0), replace(camera, K=twice)),
+        "film": (FilmFocalLength(36.0, ("depth",), 0.0), replace(camera, K=in_mm)),
         "unit": (MountingUnit(1000.0), replace(camera, T_body_camera=far)),
         "lever": (MountingLeverArm((0.2, 0, 0)), replace(camera, T_body_camera=forward)),
         "axes": (CameraAxes(), replace(camera, T_body_camera=bare)),
@@ -508,7 +513,7 @@ def test_declared_cameras_are_put_back(name: str) -> None:
         np.testing.assert_allclose(undone.cameras[key].T_body_camera, camera.T_body_camera, atol=1e-13)
 
 
-@pytest.mark.parametrize("name", ["focal", "size"])
+@pytest.mark.parametrize("name", ["focal", "size", "film"])
 def test_one_declared_camera_is_put_back(name: str) -> None:
     """A fault of the depth camera alone leaves the others as they are."""
     clean = memory_sequence()
