@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.clocks.gaps import ClockJump, DisorderedTimestamps
 from fedora_qa.checks.clocks.order import CounterWrap, RoundedRepeats
@@ -15,6 +17,7 @@ from fedora_qa.checks.index_maps.frame_to_event import MapRule, WrongEntries
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.judgement.judge import Alarm
+from fedora_qa.layout.canonical import FRAMES_OF_MAP
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset, unit_factor
 
@@ -216,7 +219,8 @@ def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]
                 Hypothesis("index_off_by_one", stream, support("index_maps.constant_shift"), size, "events", error)
             )
             # A shift begins at a frame: events were lost or doubled there after the map was made.
-            if entries.begins_within and entries.reaches_end and size is not None and abs(size) > 1:
+            lasts = entries.begins_within and entries.reaches_end and not _is_denied_elsewhere(stream, entries, facts)
+            if lasts and size is not None and abs(size) > 1:
                 # Entries that are too large count events that the stream no longer has.
                 cause = "dropped_samples" if size > 0 else "duplicated_samples"
                 hypotheses.append(Hypothesis(cause, "events", support("index_maps.events_lost_or_doubled")))
@@ -240,6 +244,21 @@ def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]
                 hypotheses.append(Hypothesis(cause, "events", support("index_maps.changed_events")))
             hypotheses.append(Hypothesis("index_off_by_one", stream, support("index_maps.no_rule")))
     return tuple(hypotheses)
+
+
+def _is_denied_elsewhere(stream: str, entries: WrongEntries, facts: Facts) -> bool:
+    """Whether another map is right where the entries of this one are wrong: its events were not changed, then."""
+    start_ns = facts.clocks[entries.frames].times_ns[entries.rows[0]] if entries.frames in facts.clocks else 0
+    for other, index_map in facts.index_maps.items():
+        clock = facts.clocks.get(FRAMES_OF_MAP[other])
+        if other == stream or clock is None:
+            continue
+        length = min(len(index_map.stored), len(index_map.expected_left), len(clock.times_ns))
+        after = clock.times_ns[:length] > start_ns
+        is_right = index_map.stored[:length] == index_map.expected_left[:length]
+        if np.any(after) and np.all(is_right[after]):
+            return True
+    return False
 
 
 def propose_milliseconds(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

@@ -225,7 +225,7 @@ def has_evidence(candidate: CauseCandidate, codes: Mapping[str, str], trials: Tr
         return not clears_by_chance(candidate, codes, trial)
     untested = trial is None or not is_conclusive(candidate, codes)
     supported = (finding for finding, h in candidate.evidence.items() if h.support >= FITS)
-    return untested and any(is_direct(candidate.cause, codes[finding]) for finding in supported)
+    return untested and any(is_direct(candidate.cause, codes[finding], candidate.stream) for finding in supported)
 
 
 def status_of(

@@ -23,6 +23,7 @@ from fedora_qa.diagnosis.hypothesis import (
     only_feature,
     support,
     support_of_extent,
+    weakened,
 )
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -171,6 +172,8 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
     ascending = sorted(averages, key=lambda hypothesis: hypothesis.support)
     hypotheses = list({(hypothesis.cause, hypothesis.stream): hypothesis for hypothesis in ascending}.values())
     if pairs.repeated:
+        # Equal frames deviate because they are equal: what else is fitted to them is the cause of other pairs at most.
+        hypotheses = weakened(hypotheses, max(1 - pairs.repeated / pairs.off, 0.0))
         # Frames that are equal bit for bit are counted, not fitted.
         hypotheses.append(Hypothesis("frozen_frames", "depth", _ALL_OF_IT, float(pairs.repeated), "samples", 0.0))
     # A free motion fits any fault of the two poses of a pair: no other fault of the poses explains more.

@@ -238,7 +238,7 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
         certain = {
             finding: replace(h, support=1.0)
             for finding, h in candidate.evidence.items()
-            if h.support >= _CERTAIN and is_direct(candidate.cause, codes[finding])
+            if h.support >= _CERTAIN and is_direct(candidate.cause, codes[finding], candidate.stream)
         }
         return replace(candidate, evidence={**candidate.evidence, **certain})
     evidence = dict(candidate.evidence)

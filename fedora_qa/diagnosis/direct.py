@@ -45,6 +45,14 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 """Names of checks by cause."""
 
 
+_CHECKS_OF_STREAM: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
+    {
+        # Depth frames that repeat are counted bit by bit; a pose that is held is fitted.
+        ("frozen_frames", "depth"): ("depth.consistency",),
+    }
+)
+"""Names of checks by cause and stream, where they measure the cause in that stream alone."""
+
 _LOCAL_CHECKS: Final = frozenset(
     {"integrity.finite", "pose.continuity", "clocks.gaps", "event_response.conservation", "images.exposure"}
 )
@@ -101,9 +109,15 @@ def is_declared(code: str) -> bool:
     return code.startswith("metadata.")
 
 
-def is_direct(cause: str, code: str) -> bool:
-    """Whether a finding, by its code, is of a check that measures the cause itself."""
-    return check_of_code(code) in _CHECKS.get(cause, ())
+def is_direct(cause: str, code: str, stream: str | None = None) -> bool:
+    """Whether a finding, by its code, is of a check that measures the cause itself, in a stream or in any."""
+    of_streams = (
+        check
+        for (of_cause, of_stream), checks in _CHECKS_OF_STREAM.items()
+        for check in checks
+        if of_cause == cause and stream in (None, of_stream)
+    )
+    return check_of_code(code) in (*_CHECKS.get(cause, ()), *of_streams)
 
 
 def clears_by_construction(cause: str, code: str) -> bool:

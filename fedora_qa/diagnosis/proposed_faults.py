@@ -13,6 +13,8 @@ from fedora_qa.causes import stream_family
 from fedora_qa.checks.event_response.alignment import CameraErrorFits
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
+from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
+from fedora_qa.checks.integrity.finite import OutOfRange
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.declared_cameras import (
     film_focal_lengths,
@@ -216,6 +218,10 @@ def _clock_rate(fit: FittedCause) -> Faults:
 
 def _index_shift(fit: FittedCause) -> Faults:
     if events := round(fit.size):
+        of_map = [alarm for alarm in fit.alarms if alarm.finding.where.stream == fit.stream]
+        for entries in (feature for alarm in of_map for feature in alarm.statistic.features):
+            if isinstance(entries, WrongEntries) and entries.begins_within:
+                yield index_maps.IndexShift(fit.stream, events, entries.rows)
         yield index_maps.IndexShift(fit.stream, events)
 
 
@@ -321,6 +327,10 @@ def _thresholds(fit: FittedCause) -> Faults:
 
 def _length_unit(fit: FittedCause) -> Faults:
     if fit.stream in ("depth", "pose") and is_length_unit(fit.size):
+        for feature in (feature for alarm in fit.alarms for feature in alarm.statistic.features):
+            if fit.stream == "depth" and isinstance(feature, OutOfRange) and feature.rescaled_rows is not None:
+                # Divided in the whole file, correct frames would be in the other unit.
+                yield units.LengthUnit("depth", fit.size, feature.rescaled_rows)
         yield units.LengthUnit("depth" if fit.stream == "depth" else "pose", fit.size)
 
 

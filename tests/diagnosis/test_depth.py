@@ -123,6 +123,15 @@ def test_a_transform_names_the_faults_that_it_undoes(transform: Transform) -> No
     assert of_pairs(PairTrials(0, (trial(transform, parameter=4.0),))) == CAUSES_OF_TRANSFORM[transform]
 
 
+def test_frames_that_repeat_deviate_because_they_do() -> None:
+    """Other causes have the share of the pairs that do not repeat."""
+    shift = PairTrials(0, (trial("image_shift", parameter=4.0),))
+    frozen, *others = of_pairs(shift, off=10, compared=10, repeated=4)
+    assert frozen == Hypothesis("frozen_frames", "depth", 1.0, 4.0, "samples", 0.0)
+    offset = next(h for h in others if h.cause == "spatial_offset")
+    assert offset.support == pytest.approx(0.6)
+
+
 def test_a_cause_must_explain_every_pair_and_has_the_size_of_the_best() -> None:
     """Its support is the mean over pairs, of the best trial on each."""
     first = PairTrials(0, (trial("clock_offset", 0.5, 7.0), trial("clock_offset", 0.6, 9.0)))

@@ -73,6 +73,8 @@ class WrongEntries(Feature):
         Whether the first two entries are correct, and whether the last entry is wrong.
     all_at_one_event
         Whether the correct entries of all frames but the first and last are one number.
+    rows
+        First wrong entry, and the one behind the last.
     """
 
     frames: str
@@ -80,6 +82,7 @@ class WrongEntries(Feature):
     begins_within: bool
     reaches_end: bool
     all_at_one_event: bool
+    rows: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +209,7 @@ def map_observation(
                 begins_within=bool(wrong[0] > 1),
                 reaches_end=bool(wrong[-1] == length - 1),
                 all_at_one_event=length > 2 and len(np.unique(left[1:-1])) == 1,
+                rows=(int(wrong[0]), int(wrong[-1]) + 1),
             ),
         ]
         reset = clock_reset(events)

@@ -44,12 +44,16 @@ class OutOfRange(Feature):
         Number of values out of range that lie in the range after multiplication by 1000.
     constant
         Whether all values out of range are one number.
+    rescaled_rows
+        First row, and the one behind the last, of the images of which most values lie in the range only after
+        multiplication by 1000; None where there is no such image, or where others lie between.
     """
 
     finite: int
     outside: int
     in_range_times_1000: int
     constant: bool
+    rescaled_rows: tuple[int, int] | None = None
 
 
 class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
@@ -231,6 +235,19 @@ def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
     return empty
 
 
+def run_of(rows: Sequence[int]) -> tuple[int, int] | None:
+    """Return the first of some rows and the one behind the last; None without any, or where some between are absent.
+
+    Parameters
+    ----------
+    rows
+        In any order, each once.
+    """
+    if not rows or max(rows) - min(rows) + 1 != len(rows):
+        return None
+    return min(rows), max(rows) + 1
+
+
 def _unplaced(stream: str, count: int, first: int) -> Statistic:
     # 73 years are ``FARTHEST_TIMESTAMP_NS``.
     text = (
@@ -271,7 +288,8 @@ def _statistics(total: DatasetCounts, facts: Facts) -> Iterator[Statistic]:
             f"{total.high / MM_PER_M:.6g} m; expected {expected}, or NaN"
         )
         finite = total.values - total.nan - total.infinite
-        features = (OutOfRange(finite, total.outside, total.rescaled, constant=total.low == total.high),)
+        is_constant, run = total.low == total.high, run_of(total.rescaled_rows)
+        features = (OutOfRange(finite, total.outside, total.rescaled, is_constant, run),)
     else:
         text = (
             f"{total.outside} of {total.values} pixels of {stream} are displaced by {total.low:.3g} to "

@@ -262,6 +262,8 @@ class DatasetCounts:
         Row, and flat index within the row, of the first wrong value; (-1, -1) where there is none.
     filled
         Row of each image, and the share of its values that are not NaN.
+    rescaled_rows
+        Rows of images of which most values lie in the range only if they are multiplied by 1000.
     """
 
     key: str
@@ -274,6 +276,7 @@ class DatasetCounts:
     high: float = -inf
     first: tuple[int, int] = (-1, -1)
     filled: tuple[tuple[int, float], ...] = ()
+    rescaled_rows: tuple[int, ...] = ()
 
     def __add__(self, later: "DatasetCounts") -> "DatasetCounts":
         return DatasetCounts(
@@ -287,6 +290,7 @@ class DatasetCounts:
             high=max(self.high, later.high),
             first=self.first if self.first[0] >= 0 else later.first,
             filled=self.filled + later.filled,
+            rescaled_rows=self.rescaled_rows + later.rescaled_rows,
         )
 
 
@@ -393,17 +397,19 @@ def tally_depth(key: str, row: int, depth_mm: NDArray[Any], range_m: tuple[float
     finite = values[np.isfinite(values)]
     rescaled_mm = finite.astype(np.float64) * MM_PER_M
     rescaled = (rescaled_mm >= nearest_mm) & (rescaled_mm <= farthest_mm) & (range_m is not None)
+    count = int(np.count_nonzero(rescaled))
     return DatasetCounts(
         key=key,
         values=depth_mm.size,
         nan=invalid,
         infinite=values.size - finite.size,
         outside=finite.size,
-        rescaled=int(np.count_nonzero(rescaled)),
+        rescaled=count,
         low=float(finite.min(initial=inf)),
         high=float(finite.max(initial=-inf)),
         first=_first(row, bad),
         filled=filled,
+        rescaled_rows=(row,) if 2 * count > depth_mm.size - invalid else (),
     )
 
 

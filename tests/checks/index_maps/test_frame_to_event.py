@@ -11,8 +11,10 @@ import pytest
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.index_maps.depth import IndexMapsDepth
 from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
+from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
+from fedora_qa.faults.index_maps import IndexShift
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
 from tests.support.checked import diagnoses_of, run_check
@@ -65,6 +67,24 @@ def test_deviation_is_named(name: str, stored: np.ndarray, cause: str, magnitude
     if magnitude is not None:
         assert first.magnitude == pytest.approx(magnitude, rel=0.01)
     assert alarm.finding.where.stream == name
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_events_that_were_lost_shift_every_map(name: str) -> None:
+    """Where another map is right beyond the frame at which a shift begins, no events were lost there."""
+    (other,) = CHECKS.keys() - {name}
+    one = with_map(CLEAN, name, half(LEFT + 40))
+    both = with_map(one, other, half(LEFT + 40))
+    of_one, of_both = ({h.cause for h in hypotheses_of(judged(name, facts).alarms[0], facts)} for facts in (one, both))
+    assert of_one == {"index_off_by_one"}
+    assert of_both == {"index_off_by_one", "dropped_samples"}
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_a_shift_is_undone_from_the_frame_on_at_which_it_begins(name: str) -> None:
+    facts = with_map(CLEAN, name, half(LEFT + 40))
+    faults = list(faults_for("index_off_by_one", name, 40.0, judged(name, facts).alarms, {}, facts))
+    assert faults == [IndexShift(name, 40, (60, 101)), IndexShift(name, 40)]
 
 
 @pytest.mark.parametrize("name", CHECKS)

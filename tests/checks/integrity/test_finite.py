@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.checks.integrity.finite import FALSE_ALARMS, empty_between_full, longest_displacement_px
+from fedora_qa.checks.integrity.finite import FALSE_ALARMS, empty_between_full, longest_displacement_px, run_of
 from fedora_qa.estimators.images.values import add_up, tally_depth, tally_flow, tally_samples
 from tests.support.checked import diagnoses_of, rules, run_check
 from tests.support.handmade import write_handmade
@@ -86,6 +86,27 @@ def test_metres_are_suspected(path: Path) -> None:
         file[DEPTH][...] = file[DEPTH][()] / 1000
     (diagnosis,) = diagnoses_of(path, "integrity")
     assert (diagnosis.cause, diagnosis.stream, diagnosis.magnitude) == ("unit_mm_m", "depth", 0.001)
+
+
+def test_metres_for_a_while_are_undone_there(path: Path) -> None:
+    """Frames of another unit are named, and divided alone: in the whole file correct ones would be wrong."""
+    with h5py.File(path, "r+") as file:
+        depth = file[DEPTH][...] * np.linspace(0.8, 1.2, 36, dtype=np.float32)
+        depth[3:5] /= 1000
+        file[DEPTH][...] = depth
+    (diagnosis,) = diagnoses_of(path, "integrity")
+    assert (diagnosis.cause, diagnosis.stream, diagnosis.magnitude) == ("unit_mm_m", "depth", 0.001)
+
+
+@pytest.mark.parametrize(("rows", "run"), [((3,), (3, 4)), ((3, 4, 5), (3, 6)), ((3, 5), None), ((), None)])
+def test_rows_in_metres_are_one_run_or_none(rows: tuple[int, ...], run: tuple[int, int] | None) -> None:
+    """Most values of these frames fall into the range once multiplied by 1000; a tenth of a frame is no frame."""
+    frames = np.full((8, 10, 10), 5000.0, dtype=np.float32)
+    frames[list(rows)] /= 1000
+    frames[7, 0] /= 1000
+    (total,) = add_up(tally_depth(DEPTH, row, frame, RANGE_M) for row, frame in enumerate(frames))
+    assert total.rescaled_rows == rows
+    assert run_of(total.rescaled_rows) == run
 
 
 def test_metres_in_a_part_of_the_image_are_suspected(path: Path) -> None:
