@@ -193,12 +193,19 @@ def _of_one_rate(rate: str, features: Sequence[Feature], facts: Facts) -> tuple[
         parameters = weakened(parameters, support("flow_geometry.fit_beside_exact_transform"))
     correction = next((feature for feature in features if isinstance(feature, FreeMotionCorrection)), None)
     poses: list[Hypothesis] = []
+    foreign: tuple[Hypothesis, ...] = ()
     if correction is not None and not is_noisy(declared.pose) and not extent.in_part:
         poses = _of_the_poses(correction, extent.count, flow, local=local, unrelated=unrelated)
+        best = max((hypothesis.support for hypothesis in conventions), default=0.0)
+        if local and max(best, correction.removed_share, follows_parts) < _EXACT:
+            # Neither a transform of the fields nor another motion through the depth of the file gives them: each leaves
+            # nothing but rounding where it is the cause.
+            for_a_while = support("flow_geometry.another_sequence_for_a_while")
+            foreign = (Hypothesis("other_sequence", flow, for_a_while),)
     any_pose = tuple(hypothesis for hypothesis in poses if hypothesis.cause == ANY_CAUSE)
     named_poses = (hypothesis for hypothesis in poses if hypothesis.cause != ANY_CAUSE)
     named = most_probable([*conventions, *parameters, *named_poses])
-    return (named or (Hypothesis("unknown", flow, support("flow_geometry.unknown")),)) + any_pose
+    return ((*named, *foreign) or (Hypothesis("unknown", flow, support("flow_geometry.unknown")),)) + any_pose
 
 
 def _of_shift(fit: FlowParameterFit, conventions: list[Hypothesis], flow: str) -> tuple[float, list[Hypothesis]]:

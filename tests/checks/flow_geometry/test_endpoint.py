@@ -441,3 +441,28 @@ def test_corrections_of_noise_cancel_from_field_to_field(drift_rad: float, least
     field = FieldError(Interval("flow/50hz", 0, 0, 1), 0, 1, 1.0, 1.0, 1.0, 1.0, (0, 0))
     fields = [replace(field, free_twist=tuple(twist)) for twist in twists]
     assert least <= noise_likeness(correction_growth(fields)) <= most
+
+
+def test_flow_of_another_scene_for_a_while_is_of_another_sequence() -> None:
+    """Neither a transform nor another motion through the depth of the file gives it; a wrong sign for a while does."""
+    columns, rows = pixel_grid()
+    foreign_px = np.stack([3 * np.sin(rows / 9), 2 * np.cos(columns / 7)], axis=-1)
+
+    def for_a_while(change: np.ndarray | int) -> FlowWorld:
+        def changed(_: str, flow: np.ndarray) -> np.ndarray:
+            fields = flow.copy()
+            first, last = len(flow) // 2, len(flow) // 2 + max(len(flow) // 5, 1)
+            for i in range(first, last):
+                # No field repeats another.
+                fields[i] = np.roll(change, 5 * i, axis=0) if isinstance(change, np.ndarray) else change * flow[i]
+            return fields
+
+        return clean().with_flow(changed)
+
+    for world, cause in ((for_a_while(foreign_px), "other_sequence"), (for_a_while(-1), "flow_sign")):
+        (hypothesis, *_) = sorted(
+            (h for alarm in judged(FlowGeometryEndpoint(), world).alarms for h in hypotheses_of(alarm, world.facts)
+             if h.stream == "flow"),
+            key=lambda h: -h.support,
+        )  # fmt: skip
+        assert hypothesis.cause == cause
