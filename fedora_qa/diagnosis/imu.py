@@ -49,6 +49,9 @@ _MS, _PPM = 1e3, 1e6
 _LEAST_EXPLAINED: Final = 0.5
 """Explained share above which a group of parameters becomes a rival of the freed one."""
 
+_OPPOSITE: Final = ((-1, 0, 0), (0, -1, 0), (0, 0, -1))
+"""Axes of a sensor whose values all have the other sign."""
+
 _ROUNDED_S: Final = 1e-6 / sqrt(12.0)
 """Standard deviation of rounding to whole microseconds, s. All timestamps of an even clock have the same rounding
 error."""
@@ -300,18 +303,27 @@ def convention_hypotheses(kind: MotionKind, convention: InertialConvention) -> t
         hypotheses.append(Hypothesis("unit_deg_rad", "imu", strength, convention.rate_unit, "1"))
     if convention.length_unit != 1.0:
         hypotheses.append(Hypothesis("unit_mm_m", "pose", strength, convention.length_unit, "1"))
+    if convention.angle_signs != declared.angle_signs:
+        # Positions turned by quarters are then those of a yaw that is counted from another direction.
+        return (*hypotheses, Hypothesis("frame_convention", "pose", strength))
     if convention.world_axes != declared.world_axes:
         hypotheses.append(Hypothesis(axes_cause(convention.world_axes), "pose", strength))
-    if convention.sensor_axes != declared.sensor_axes:
+    if kind == "translation" and convention.sensor_axes == _OPPOSITE and convention.up == declared.up:
+        # All axes reversed are the other sign of the accelerometer.
+        return (*hypotheses, Hypothesis("gravity_sign", "imu", strength))
+    if convention.sensor_axes != declared.sensor_axes or convention.up != declared.up:
         # Either the sensor is rotated, or the body of the poses, which also rotates gravity in the world.
         cause = axes_cause(convention.sensor_axes)
         of_imu, of_pose = Hypothesis(cause, "imu", strength), Hypothesis("frame_convention", "pose", strength)
         if kind == "rotation":
             hypotheses.extend((of_imu, of_pose) if cause == "frame_convention" else (of_imu,))
         else:
-            hypotheses.append(of_pose if convention.gravity == "reversed" else of_imu)
+            is_world = convention.gravity == "reversed" or convention.up != declared.up
+            # The mirrored axes of a sensor alone would be as well those of world and body.
+            is_mirrored = np.linalg.det(convention.sensor_axes) < 0
+            hypotheses.extend((of_pose,) if is_world else (of_pose, of_imu) if is_mirrored else (of_imu,))
     elif convention.gravity != "declared":
-        cause = "gravity_missing" if convention.gravity == "missing" else "gravity_sign"
+        cause = "gravity_sign" if convention.gravity == "reversed" else "gravity_missing"
         hypotheses.append(Hypothesis(cause, "imu", strength))
     return tuple(hypotheses)
 

@@ -37,6 +37,7 @@ from fedora_qa.diagnosis.measured_sizes import (
 )
 from fedora_qa.estimators.clocks.regular_clock import DisplacedSegment, SlewedSegment, displaced_part, slewed_part
 from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ROTATION_MODELS, ShiftFieldFit, ShiftFieldModel
+from fedora_qa.estimators.imu.conventions import InertialConvention, signed_permutations
 from fedora_qa.faults import (
     axes,
     cameras,
@@ -243,7 +244,8 @@ def _other_axes(fit: FittedCause) -> Faults:
         yield axes.CameraAxes()
     else:
         yield from _vector_axes(fit)
-        if fit.stream == "pose":
+        # What the IMU states of the whole file leaves no other convention of attitudes.
+        if fit.stream == "pose" and not any(rows is None for _, rows in _inertial_conventions(fit)):
             yield motion.AngleOrder()
             yield axes.VectorAxes(fit.stream, _NED_FROM_ENU, _FRD_FROM_FLU)
             yield axes.VectorAxes(fit.stream, _NED_FROM_ENU)
@@ -252,20 +254,50 @@ def _other_axes(fit: FittedCause) -> Faults:
 
 def _vector_axes(fit: FittedCause) -> Faults:
     cause: Any = fit.cause
+    of_vertical = [feature.convention for feature, _ in _inertial_conventions(fit) if feature.kind == "translation"]
     for feature, rows in _inertial_conventions(fit):
-        sensor, world = _matrix(feature.convention.sensor_axes), _matrix(feature.convention.world_axes)
-        if fit.stream == "imu":
+        convention = feature.convention
+        if fit.stream == "pose" and feature.kind == "rotation" and any(map(convention.turns_as, of_vertical)):
+            # Rates state neither the handedness of the axes nor the vertical, which specific forces have stated.
+            continue
+        sensor, world = _matrix(convention.sensor_axes), _matrix(convention.world_axes)
+        if any(sign < 0 for sign in convention.angle_signs):
+            if fit.stream == "pose":
+                yield motion.AngleSense(convention.angle_signs, world)
+        elif fit.stream == "imu":
             yield axes.VectorAxes(fit.stream, sensor, cause=cause, rows=rows)
         else:
             # The IMU measures P v for v in the body of the poses: R' = R P, so that the axes of the body are P^T.
             body = _matrix(tuple(zip(*sensor, strict=True)))
-            yield axes.VectorAxes(fit.stream, world, body, cause=cause, rows=rows)
-            yield axes.VectorAxes(fit.stream, world, turns_orientations=False, cause=cause, rows=rows)
+            if world != _SAME:
+                # Of positions alone.
+                yield axes.VectorAxes(fit.stream, world, body, cause=cause, rows=rows)
+                yield axes.VectorAxes(fit.stream, world, turns_orientations=False, cause=cause, rows=rows)
+            elif (with_vertical := (_world_of(convention, body), body)) != (_SAME, _SAME):
+                yield axes.VectorAxes(fit.stream, *with_vertical, cause=cause, rows=rows)
+
+
+def _world_of(convention: InertialConvention, body: Matrix3) -> Matrix3:
+    """Return axes of the world with the vertical of a convention, of the handedness of the axes of the body.
+
+    Which of its horizontal axes points north has no influence on what the streams measure.
+    """
+    up = np.array(convention.up) * (-1 if convention.gravity == "reversed" else 1)
+    right_handed = np.linalg.det(body) > 0
+    worlds = (_matrix(candidate) for candidate in signed_permutations())
+    possible = [
+        world
+        for world in worlds
+        if np.array_equal(np.array(world)[:, 2], up) and (np.linalg.det(world) > 0) == right_handed
+    ]
+    # Of four the one nearest to the axes of the format.
+    return max(possible, key=lambda world: float(np.trace(world)))
 
 
 def _inertial_conventions(fit: FittedCause) -> Iterator[tuple[InertialConventionTrial, RowRange | None]]:
     """Yield the conventions under which IMU and poses agree, with the rows of the part in which they do."""
-    for alarm in fit.alarms:
+    # Specific forces determine the axes of the world as well, and the handedness: the vertical is theirs.
+    for alarm in sorted(fit.alarms, key=lambda alarm: alarm.finding.code.startswith("imu.rotation")):
         where = alarm.finding.where
         for feature in alarm.statistic.features:
             if not isinstance(feature, InertialConventionTrial):
@@ -567,8 +599,8 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "quaternion_inverted": lambda _: iter([motion.QuaternionInversion(), motion.PoseInversion()]),
         "quaternion_order": lambda _: iter([motion.QuaternionOrder()]),
         "quaternion_not_unit": lambda fit: iter([motion.QuaternionLength(fit.size)]),
-        "gravity_missing": lambda _: iter([motion.GravityError("gravity_missing")]),
-        "gravity_sign": lambda _: iter([motion.GravityError("gravity_sign")]),
+        "gravity_missing": lambda _: iter([motion.GravityError("gravity_missing"), motion.GravityAlongBody()]),
+        "gravity_sign": lambda _: iter([motion.GravityError("gravity_sign"), motion.ForceSign()]),
         "gravity_magnitude": _gravity,
         "gyro_bias": _gyro_bias,
         "accel_bias": _accel_bias,

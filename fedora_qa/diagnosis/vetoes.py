@@ -255,7 +255,7 @@ def _is_of_this_sequence(family: str, results: Results) -> bool:
     while_apart = family in ("rgb", "events") and _failed(results.get("event_response.frames"))
     correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()) if not while_apart)
     if family in ("imu", "pose"):
-        correlates |= _turns_alike(results.get("imu.rotation"))
+        correlates |= _turns_alike(results.get("imu.rotation")) or _agrees_otherwise(results)
     if family in ("rgb", "events") and not while_apart:
         correlates |= _changes_alike(results.get("event_response.orientation"))
         # Events without a sign follow no frames, of whatever sequence.
@@ -324,6 +324,13 @@ def _turns_alike(result: Result | None) -> bool:
     if gain is None or gain.value is None or gain.limit is None:
         return False
     return abs(gain.value) + gain.limit < _TURNS_ALIKE_PERCENT
+
+
+def _agrees_otherwise(results: Results) -> bool:
+    """Whether IMU and poses of the whole file agree under another convention, as no two motions do."""
+    findings = (finding for check in ("imu.rotation", "imu.translation") if (result := results.get(check))
+                for finding in result.findings)  # fmt: skip
+    return any(finding.code.endswith(".disagreement") and finding.where.start_us is None for finding in findings)
 
 
 def _frames_contradict(cause: str, stream: str, magnitude: float, result: Result | None) -> bool:

@@ -11,6 +11,7 @@ from fedora_qa.faults.canary_conditions import CanaryConditions
 from fedora_qa.faults.fault import (
     Fault,
     InapplicableError,
+    Matrix3,
     Read,
     RowRange,
     Vector3,
@@ -214,6 +215,49 @@ class GravityError:
 
 
 @dataclass(frozen=True, slots=True)
+class GravityAlongBody:
+    """Gravity was subtracted from the body's Z axis, whatever the attitude is."""
+
+    cause: ClassVar[str] = "gravity_missing"
+    stream: ClassVar[str] = "imu"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Subtract the declared gravity."""
+        return self._changed(facts, "gravity is subtracted along the body's Z axis", -1.0)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Add the declared gravity."""
+        return self._changed(facts, "gravity added along the body's Z axis", 1.0)
+
+    def _changed(self, facts: Facts, description: str, sign: float) -> Fault:
+        if facts.declared.imu is None:
+            raise InapplicableError("Expected a declared gravity, got none")
+        return _displaced(facts, _ACCEL, description, (0.0, 0.0, sign * facts.declared.imu.gravity), None)
+
+
+@dataclass(frozen=True, slots=True)
+class ForceSign:
+    """Specific forces have the opposite sign: at rest the accelerometer measures gravity and not what opposes it."""
+
+    cause: ClassVar[str] = "gravity_sign"
+    stream: ClassVar[str] = "imu"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Reverse the sign."""
+        return self._reversed(facts)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Reverse it again."""
+        return self._reversed(facts)
+
+    def _reversed(self, facts: Facts) -> Fault:
+        streams_in(facts, self.stream)
+        return Fault("the sign of specific forces is reversed", {_ACCEL: values(np.negative)})
+
+
+@dataclass(frozen=True, slots=True)
 class QuaternionOrder:
     """Components of quaternions are in another order.
 
@@ -294,6 +338,54 @@ def _with_angles_negated(orientations_xyzw: Float64) -> Float64:
     alike = np.einsum("ni,ni->n", negated, so3.inverse(orientations_xyzw)) >= 0
     signs = np.where(alike, 1.0, -1.0)
     return np.asarray(negated * (signs * np.linalg.norm(orientations_xyzw, axis=-1))[:, None])
+
+
+@dataclass(frozen=True, slots=True)
+class AngleSense:
+    """Yaw, pitch or roll is counted the other way, and yaw from another direction.
+
+    Attributes
+    ----------
+    signs
+        Of yaw, pitch and roll, of ``R = R_z(yaw) R_y(pitch) R_x(roll)``: -1 for an angle that is counted the other way.
+    world_turn
+        Rotation of the world behind it: ``R = world_turn R'``, where R' has the angles with these signs.
+    """
+
+    signs: tuple[int, int, int]
+    world_turn: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    cause: ClassVar[str] = "frame_convention"
+    stream: ClassVar[str] = "pose"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Count the angles the other way."""
+        turn = so3.inverse(so3.quaternions_from_matrices(np.array(self.world_turn)))
+        description = f"{self._angles} counted the other way"
+        return _of_orientations(facts, description, lambda q: _with_signs(so3.compose(turn, q), self.signs))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Count the angles as the format does."""
+        turn = so3.quaternions_from_matrices(np.array(self.world_turn))
+        description = f"{self._angles} counted the other way again"
+        return _of_orientations(facts, description, lambda q: so3.compose(turn, _with_signs(q, self.signs)))
+
+    @property
+    def _angles(self) -> str:
+        names = [name for name, sign in zip(("yaw", "pitch", "roll"), self.signs, strict=True) if sign < 0]
+        return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'}"
+
+
+def _with_signs(orientations_xyzw: Float64, signs: tuple[int, int, int]) -> Float64:
+    """Return quaternions (n, 4) of yaw, pitch and roll with these signs, of the same lengths.
+
+    Of the two quaternions of a rotation that one is returned which turns into the given one by the same signs.
+    """
+    angles_rad = so3.angles_from_quaternions(orientations_xyzw)
+    before, after = so3.quaternions_from_angles(angles_rad), so3.quaternions_from_angles(angles_rad * signs)
+    lengths = np.linalg.norm(orientations_xyzw, axis=-1)
+    is_same = np.einsum("ni,ni->n", before, orientations_xyzw) >= 0
+    return np.asarray(after * np.where(is_same, lengths, -lengths)[:, None])
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.imu.agreement import InertialParameter
-from fedora_qa.diagnosis.imu import TimingCues, gravity_likelihoods, parameter_hypotheses, timing_cues_of
+from fedora_qa.diagnosis.imu import (
+    TimingCues,
+    convention_hypotheses,
+    gravity_likelihoods,
+    parameter_hypotheses,
+    timing_cues_of,
+)
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
+from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.estimators.imu.samples import InertialNoise
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.sample_defects import HeldComponent, clipped_samples, held_components
@@ -188,3 +195,24 @@ def test_an_unusual_gravity_is_the_wrong_one(declared: float, excess: float, err
     """Of measured and declared gravity the one that nobody uses is blamed; an uncertain one gets the benefit."""
     sensor, declaration = gravity_likelihoods(declared, excess, error)
     assert ("imu" if sensor >= declaration else "metadata") == blamed
+
+
+@pytest.mark.parametrize(
+    ("convention", "named"),
+    [
+        (InertialConvention(sensor_axes=((-1, 0, 0), (0, -1, 0), (0, 0, -1))), {("gravity_sign", "imu")}),
+        (InertialConvention(gravity="subtracted along z"), {("gravity_missing", "imu")}),
+        (InertialConvention(up=(0, 1, 0)), {("frame_convention", "pose")}),
+        (InertialConvention(angle_signs=(-1, 1, 1)), {("frame_convention", "pose")}),
+        (
+            InertialConvention(sensor_axes=((1, 0, 0), (0, -1, 0), (0, 0, 1)), length_unit=100.0),
+            {("frame_convention", "pose"), ("frame_convention", "imu"), ("unit_mm_m", "pose")},
+        ),
+    ],
+)
+def test_a_convention_of_forces_names_the_stream_that_is_written_in_it(
+    convention: InertialConvention, named: set[tuple[str, str]]
+) -> None:
+    """The vertical is that of the poses; all axes reversed are the sign of the accelerometer."""
+    hypotheses = convention_hypotheses("translation", replace(convention, declared_residual=1e4))
+    assert {(hypothesis.cause, hypothesis.stream) for hypothesis in hypotheses} == named

@@ -19,6 +19,7 @@ from fedora_qa.faults.cameras import FocalLength, MountingRotation, PrincipalPoi
 from fedora_qa.faults.clocks import ClockRate, ClockShift
 from fedora_qa.faults.fault import is_of_part
 from fedora_qa.faults.images import RayLength
+from fedora_qa.faults.motion import AngleSense
 from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.table import faults_of
 from fedora_qa.faults.units import AngleUnit, FlowGain
@@ -331,3 +332,29 @@ def test_units_of_length() -> None:
     """Millimetres, feet and nautical miles; a calibration that is off by some percent is none."""
     assert all(is_length_unit(factor) for factor in (1000.0, 0.001, 0.3048, 1 / 0.3048, 1852.0, 1000.4))
     assert not any(is_length_unit(factor) for factor in (1.0, 1.016, 0.95, 2.0, 500.0))
+
+
+def test_poses_of_another_engine_are_undone_with_the_axes_of_world_and_body() -> None:
+    """Specific forces state the vertical and the handedness, of which rates state neither."""
+    up_y = InertialConvention(sensor_axes=((0, 0, 1), (-1, 0, 0), (0, 1, 0)), up=(0, 1, 0))
+    turned = InertialConvention(sensor_axes=((0, 0, -1), (1, 0, 0), (0, -1, 0)))
+    alarms = (
+        alarm("imu.rotation.disagreement", InertialConventionTrial(turned)),
+        alarm("imu.translation.disagreement", InertialConventionTrial(up_y, kind="translation")),
+    )
+    (fault,) = faults_for("frame_convention", "pose", None, alarms, {}, facts_of(memory_sequence()))
+    assert isinstance(fault, VectorAxes)
+    world, body = np.array(fault.axes), np.array(fault.body_axes)
+    assert np.linalg.det(world) == np.linalg.det(body) == -1
+    np.testing.assert_array_equal(world[:, 2], [0, 1, 0])
+    np.testing.assert_array_equal(body, np.transpose(up_y.sensor_axes))
+
+
+def test_a_heading_from_north_is_undone_with_the_turn_of_the_world() -> None:
+    quarter = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
+    compass = InertialConvention(world_axes=quarter, angle_signs=(-1, 1, 1))
+    compared = alarm("imu.translation.disagreement", InertialConventionTrial(compass, kind="translation"))
+    facts = facts_of(memory_sequence())
+    assert list(faults_for("frame_convention", "pose", None, (compared,), {}, facts)) == [
+        AngleSense((-1, 1, 1), quarter)
+    ]

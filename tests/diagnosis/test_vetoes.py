@@ -148,3 +148,13 @@ def test_events_of_one_polarity_say_nothing_of_their_sequence() -> None:
     finding = Finding("F1", "event_stream.bounds.one_polarity", "warning", "", Where(stream="events"))
     bounds = Result("event_stream.bounds", "warned", "", findings=(finding,))
     assert contradicts("other_sequence", "events", None, {"event_stream.bounds": bounds}, {})
+
+
+def test_imu_and_poses_that_agree_under_another_convention_are_of_one_flight() -> None:
+    """Two motions agree under none; a convention of a part says nothing of the rest."""
+    whole, part = Where("imu"), Where("imu", 7e6, 8e6)
+    for where, is_contradicted in ((whole, True), (part, False)):
+        finding = Finding("F1", "imu.rotation.disagreement", "critical", "they agree if", where)
+        results = {"imu.rotation": Result("imu.rotation", "failed", "off", findings=(finding,))}
+        assert contradicts("other_sequence", "pose", None, results, {}) == is_contradicted
+        assert not contradicts("other_sequence", "depth", None, results, {})

@@ -43,6 +43,9 @@ from fedora_qa.faults.index_maps import IndexShift, IndexSide
 from fedora_qa.faults.motion import (
     AccelBias,
     AngleOrder,
+    AngleSense,
+    ForceSign,
+    GravityAlongBody,
     GravityError,
     GyroBias,
     PoseInversion,
@@ -118,6 +121,12 @@ axes_of_plane = st.sampled_from([
     ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
 ])  # fmt: skip
 
+signs = st.sampled_from([1, -1])
+quarter_turns = st.sampled_from([
+    ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+])  # fmt: skip
+
 timed, flows = st.sampled_from(TIMED), st.sampled_from(FLOWS)
 images = st.sampled_from(["events", "rgb", "depth", *FLOWS])
 made_with_camera = st.sampled_from(["metadata", *FLOWS])
@@ -165,6 +174,9 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.just(QuaternionInversion()), exact),
     (st.just(PoseInversion()), rounded),
     (st.just(AngleOrder()), rounded),
+    (st.builds(AngleSense, st.tuples(signs, signs, signs), quarter_turns), rounded),
+    (st.just(ForceSign()), exact),
+    (st.just(GravityAlongBody()), rounded),
     (st.builds(QuaternionLength, st.floats(-0.5, 0.9)), rounded),
     (st.builds(VectorAxes, st.just("imu"), signed_permutations()), exact),
     (st.builds(VectorAxes, flows, axes_of_plane), exact),

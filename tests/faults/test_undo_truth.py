@@ -46,6 +46,9 @@ from fedora_qa.faults.index_maps import IndexShift, IndexSide
 from fedora_qa.faults.motion import (
     AccelBias,
     AngleOrder,
+    AngleSense,
+    ForceSign,
+    GravityAlongBody,
     GravityError,
     GyroBias,
     PoseInversion,
@@ -219,6 +222,15 @@ def from_row(value: float | list[float], first: int, last: int | None = None) ->
 
 
 Truth = tuple[ReversibleFault, Planter]
+
+
+def from_north(arrays: Arrays) -> Arrays:
+    """Yaw is counted clockwise from north."""
+    yaw, pitch, roll = Rotation.from_quat(arrays["path/pose/orientation"]).as_euler("ZYX").T
+    angles = np.stack((np.pi / 2 - yaw, pitch, roll), axis=1)
+    return {"path/pose/orientation": Rotation.from_euler("ZYX", angles).as_quat()}
+
+
 EXACT: list[Truth] = [
     (ClockShift("imu", 3 * MS), on(lambda t: t + 3 * MS, "path/imu/ts")),
     (ClockShift("flow", -2 * MS), on(lambda t: t - 2 * MS, *(f"{key}_ts" for key in FLOW_KEYS))),
@@ -251,6 +263,7 @@ EXACT: list[Truth] = [
     (FlowSign(), on(lambda flow: -flow, *FLOW_KEYS)),
     (QuaternionOrder((3, 0, 1, 2)), on(lambda q: np.column_stack([q[:, 3], q[:, :3]]), "path/pose/orientation")),
     (QuaternionInversion(), on(lambda q: np.column_stack([-q[:, :3], q[:, 3]]), "path/pose/orientation")),
+    (ForceSign(), on(lambda v: -v, ACCEL)),
     (ChannelOrder("BGR"), on(lambda frames: frames[..., ::-1], "path/rgb")),
     (ChannelOrder("GBR"), on(lambda frames: np.stack([frames[..., i] for i in (1, 2, 0)], -1), "path/rgb")),
     (InvalidCode("depth"), on(lambda depth: np.nan_to_num(depth, nan=0.0), "path/depth")),
@@ -285,6 +298,8 @@ ROUNDED: list[Truth] = [
     (PoseInversion(), world_in_body),
     (AngleOrder(), on(lambda q: Rotation.from_euler("XYZ", Rotation.from_quat(q).as_euler("ZYX")[:, ::-1]).as_quat(),
                       "path/pose/orientation")),
+    (AngleSense((-1, 1, 1), ((0, -1, 0), (1, 0, 0), (0, 0, 1))), from_north),
+    (GravityAlongBody(), on(lambda v: v - np.array([0.0, 0.0, 9.8066]), ACCEL)),
     (QuaternionLength(0.1), on(lambda q: q * 1.1, "path/pose/orientation")),
     (QuaternionLength(0.0), on(lambda q: q * np.linspace(0.9, 1.2, len(q))[:, None], "path/pose/orientation")),
     (VectorAxes("pose", ((0, 1, 0), (1, 0, 0), (0, 0, -1)), ((1, 0, 0), (0, -1, 0), (0, 0, -1))), north_east_down),

@@ -17,7 +17,7 @@ from fedora_qa.faults.declarations import NoiseMisdeclared
 from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.images import TransferMisdeclared
 from fedora_qa.faults.index_maps import IndexSide
-from fedora_qa.faults.motion import AngleOrder, PoseInversion
+from fedora_qa.faults.motion import AngleOrder, AngleSense, ForceSign, GravityAlongBody, PoseInversion
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.layout.canonical import DATASETS
@@ -105,7 +105,7 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     assert set(MECHANICAL) == classes
     # Tests of their own: below, and in ``test_repair``.
     beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared, PoseInversion, MountingUnit,
-              AngleOrder,
+              AngleOrder, AngleSense, ForceSign, GravityAlongBody,
               TransposedIntrinsics}  # fmt: skip
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
     assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside
@@ -119,6 +119,33 @@ def test_angles_are_combined_in_their_order_again(clean: Path, tmp_path: Path) -
         angles = Rotation.from_quat(file["path/pose/orientation"][()]).as_euler("ZYX")
         file["path/pose/orientation"][...] = Rotation.from_euler("XYZ", angles[:, ::-1]).as_quat()
     assert not repaired(faulty, AngleOrder()).refusal
+    require_equal(tmp_path / "repaired.h5", clean, 1e-12)
+
+
+def test_yaw_counts_to_the_left_again(clean: Path, tmp_path: Path) -> None:
+    """Yaw was counted clockwise from north, by scipy."""
+    faulty = tmp_path / "faulty.h5"
+    faulty.write_bytes(clean.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        yaw, pitch, roll = Rotation.from_quat(file["path/pose/orientation"][()]).as_euler("ZYX").T
+        angles = np.stack((np.pi / 2 - yaw, pitch, roll), axis=1)
+        file["path/pose/orientation"][...] = Rotation.from_euler("ZYX", angles).as_quat()
+    assert not repaired(faulty, AngleSense((-1, 1, 1), ((0, -1, 0), (1, 0, 0), (0, 0, 1)))).refusal
+    require_equal(tmp_path / "repaired.h5", clean, 1e-12)
+
+
+@pytest.mark.parametrize(("sign", "upward", "fault"), [(-1, 0, ForceSign()), (1, -1, GravityAlongBody())])
+def test_specific_forces_are_those_of_the_format_again(
+    sign: int, upward: int, fault: ReversibleFault, clean: Path, tmp_path: Path
+) -> None:
+    """Their sign was reversed, or gravity was subtracted along the body."""
+    faulty = tmp_path / "faulty.h5"
+    faulty.write_bytes(clean.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        gravity = float(file["metadata/imu"].attrs["gravity"])
+        forces = file["path/imu/linear_acceleration"]
+        forces[...] = sign * forces[()] + [0.0, 0.0, upward * gravity]
+    assert not repaired(faulty, fault).refusal
     require_equal(tmp_path / "repaired.h5", clean, 1e-12)
 
 

@@ -294,15 +294,22 @@ def _disagreement(
     convention, declared, parts = trial.convention, InertialConvention(), []
     if convention.quaternions != declared.quaternions:
         parts.append(f"quaternions are taken as {convention.quaternions}")
+    if convention.angle_signs != declared.angle_signs:
+        reversed_angles = zip(("yaw", "pitch", "roll"), convention.angle_signs, strict=True)
+        parts.append(f"{', '.join(name for name, sign in reversed_angles if sign < 0)} counts the other way")
     if convention.sensor_axes != declared.sensor_axes:
         parts.append(f"the sensor's axes are {_axes_text(convention.sensor_axes)} of the body")
     if convention.world_axes != declared.world_axes:
         parts.append(f"positions are {_axes_text(convention.world_axes)} of the world")
+    if convention.up != declared.up:
+        parts.append(f"{_axes_text((convention.up,))} of the world points upwards")
     if convention.rate_unit != 1.0:
         parts.append(f"angular velocity is divided by {convention.rate_unit:.4g}")
     if convention.length_unit != 1.0:
         parts.append(f"positions are divided by {convention.length_unit:g}")
-    if convention.gravity != "declared":
+    if convention.gravity == "subtracted along z":
+        parts.append("gravity was subtracted along the sensor's z")
+    elif convention.gravity != "declared":
         parts.append(f"gravity is {convention.gravity} in the specific force")
     return Statistic(
         name="disagreement",

@@ -5,6 +5,7 @@ candidates fit alike: the order w, x, y, z fits about as well as an inverse with
 candidate whose residual is close to the least one is returned.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 from typing import Final, Literal
@@ -19,14 +20,24 @@ from fedora_qa.geometry import so3
 from fedora_qa.geometry.motion import interpolate_poses
 
 QuaternionConvention = Literal["xyzw", "wxyz", "inverse", "wxyz inverse"]
-GravityConvention = Literal["declared", "missing", "reversed"]
+GravityConvention = Literal["declared", "missing", "reversed", "subtracted along z"]
+AngleSigns = tuple[int, int, int]
+WorldAxis = tuple[int, int, int]
 
 Float64 = NDArray[np.float64]
 
 _QUATERNION_CONVENTIONS: Final[tuple[QuaternionConvention, ...]] = ("xyzw", "wxyz", "inverse", "wxyz inverse")
+_AS_DECLARED: Final[AngleSigns] = (1, 1, 1)
+_ANGLE_SIGNS: Final[tuple[AngleSigns, ...]] = ((-1, 1, 1), (1, -1, 1), (1, 1, -1), (-1, -1, -1))
+"""Signs of yaw, pitch and roll with which attitudes are not those of another body in another world: two reversed angles
+are a reversed axis of both, as a left-handed frame has it."""
 _DEGREES: Final = float(np.degrees(1.0))
-_MILLIMETRES: Final = 1e3
+_LENGTH_UNITS: Final = (1.0, 100.0, 1e3)
+"""Metres, centimetres and millimetres, in a metre."""
 _GRAVITY_FACTORS: Final[dict[GravityConvention, float]] = {"declared": 1.0, "missing": 0.0, "reversed": -1.0}
+_UP: Final[WorldAxis] = (0, 0, 1)
+_SIDEWAYS: Final[tuple[WorldAxis, ...]] = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
+"""Axes of the stored world that may point upwards in place of Z; -Z is gravity that is reversed."""
 
 _RATE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2)
 _FORCE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2, 0.3)
@@ -74,6 +85,11 @@ class InertialConvention:
         The same under the declared convention.
     count
         Number of comparisons, of three axes each.
+    up
+        The axis of the stored world that points upwards.
+    angle_signs
+        Signs of the stored yaw, pitch and roll, of ``R = R_z(yaw) R_y(pitch) R_x(roll)``: -1 for an angle that is
+        counted the other way.
     """
 
     quaternions: QuaternionConvention = "xyzw"
@@ -85,6 +101,8 @@ class InertialConvention:
     residual: float = 0.0
     declared_residual: float = 0.0
     count: int = 0
+    up: WorldAxis = _UP
+    angle_signs: AngleSigns = _AS_DECLARED
 
     @property
     def explained(self) -> float:
@@ -99,11 +117,18 @@ class InertialConvention:
         # The rms of n unit normal values has the standard error 1 / sqrt(2 n); here n is three axes each.
         return float(np.sqrt(self.declared_residual)), 1.0 / float(np.sqrt(6 * self.count))
 
+    def turns_as(self, other: "InertialConvention") -> bool:
+        """Whether attitudes have another's convention; of left-handed axes, rates have the opposite sensor's axes."""
+        axes, of_other = np.array(self.sensor_axes), np.array(other.sensor_axes)
+        alike = np.array_equal(axes, of_other) or np.array_equal(axes, -of_other)
+        return alike and (self.quaternions, self.angle_signs) == (other.quaternions, other.angle_signs)
+
     @property
     def complexity(self) -> float:
         """Distance from the declared convention: the sum over the properties that differ.
 
-        Each property counts 1, but quaternions that are both reordered and inverted 2, axes up to 2, and gravity 1/2.
+        Each property counts 1, but quaternions that are both reordered and inverted 2, axes up to 2, gravity and the
+        axis that points upwards 1/2, and signs of angles 3/2: about one axis the inverse is the opposite angle.
         """
         return (
             float(self.quaternions != "xyzw")
@@ -113,6 +138,8 @@ class InertialConvention:
             + float(self.rate_unit != 1.0)
             + float(self.length_unit != 1.0)
             + 0.5 * float(self.gravity != "declared")
+            + 0.5 * float(self.up != _UP)
+            + 1.5 * float(self.angle_signs != _AS_DECLARED)
         )
 
 
@@ -153,8 +180,7 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvent
     # Two orientations of sigma each, over the span between them.
     noise = 2 * (sigma_rad / float(np.median(spans_s))) ** 2
     candidates = []
-    for quaternions in _QUATERNION_CONVENTIONS:
-        q = _under_convention(samples.orientations_xyzw[edges], quaternions)
+    for quaternions, angle_signs, q in _attitudes(samples.orientations_xyzw[edges]):
         # Mean angular velocity in the body between two poses: Log(q_k^-1 q_k+1) / dt.
         by_pose = so3.log_quaternion(so3.compose(so3.inverse(q[:-1]), q[1:])) / spans_s
         variance = _expected_variance(by_pose, noise)
@@ -164,13 +190,20 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvent
                 residual = _mean_square(by_gyro / unit - turned) / variance
                 candidates.append(
                     InertialConvention(
-                        quaternions, sensor_axes=axes, rate_unit=unit, residual=residual, count=len(by_pose)
+                        quaternions,
+                        sensor_axes=axes,
+                        rate_unit=unit,
+                        residual=residual,
+                        count=len(by_pose),
+                        angle_signs=angle_signs,
                     )
                 )
     return _simplest(candidates)
 
 
-def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float) -> InertialConvention | None:
+def explain_forces(
+    samples: InertialSamples, gravity_m_s2: float, sigma_m: float, angle_signs: AngleSigns = _AS_DECLARED
+) -> InertialConvention | None:
     """Return the convention under which second differences of position agree with specific force.
 
     Parameters
@@ -181,6 +214,9 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
         As declared, m/s^2.
     sigma_m
         Measured noise of the positions, standard deviation of each axis, in the unit of the file.
+    angle_signs
+        Signs of angles under which angular velocities agree, as of ``InertialConvention``: specific forces over a short
+        time do not determine them.
 
     Returns
     -------
@@ -197,22 +233,27 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
     edges_s = samples.pose_times_s[edges]
     by_position = _accelerations(edges_s, samples.positions_world_m[edges])
     noise = 6 * (sigma_m / float(np.median(np.diff(edges_s))) ** 2) ** 2
-    down = np.array([0.0, 0.0, -gravity_m_s2])
+    up = np.array([0.0, 0.0, gravity_m_s2])
     identity = InertialConvention().sensor_axes
-    # Axes of the sensor or of the world are exchanged, not both at once.
+    # Poses in the axes A of the world and B of the body have R' = A R B^T and p'' = R' B f + A g: a sensor with the
+    # axes B^T, and another axis that points upwards. Both may be left-handed. World axes are those of positions alone.
     exchanges = [(axes, identity) for axes in signed_permutations()]
     exchanges += [(identity, axes) for axes in signed_permutations()]
     candidates = []
-    for quaternions in _QUATERNION_CONVENTIONS:
+    for quaternions, signs, q in _attitudes(samples.orientations_xyzw):
+        if signs not in (_AS_DECLARED, angle_signs):
+            continue
         R, _ = interpolate_poses(
             np.rint(samples.pose_times_s * NS_PER_S).astype(np.int64),
             samples.positions_world_m,
-            _under_convention(samples.orientations_xyzw, quaternions),
+            q,
             at_ns=np.rint(samples.imu_times_s * NS_PER_S).astype(np.int64),
         )
         # Under every exchange of axes the force in the world is a sum of the products R[i, j] f[k], so that these are
-        # integrated once. ``turned`` (n, 3, 3, 3) holds their means, weighted as by the second difference of positions.
-        products = R[..., None] * samples.specific_forces_body_m_s2[:, None, None, :]
+        # integrated once. ``turned`` (n, 3, 3, 4) holds their means, weighted as by the second difference of positions,
+        # and behind them those of R.
+        with_one = np.concatenate([forces, np.ones((len(forces), 1))], axis=1)
+        products = R[..., None] * with_one[:, None, None, :]
         finite = np.isfinite(products).all(axis=(1, 2, 3))
         if np.count_nonzero(finite) < 4:
             continue
@@ -223,17 +264,35 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
             continue
         turned, compared = turned[finite], by_position[finite]
         # An exchange of axes alters no mean square.
-        variances = {unit: _expected_variance(compared / unit, noise / unit**2) for unit in (1.0, _MILLIMETRES)}
+        variances = {unit: _expected_variance(compared / unit, noise / unit**2) for unit in _LENGTH_UNITS}
         for sensor, world in exchanges:
-            by_force = np.einsum("nijk,kj->ni", turned, np.array(sensor))
+            by_force = np.einsum("nijk,kj->ni", turned[..., :3], np.array(sensor))
+            # p'' = R f + g: what the candidate has for -g, and the name of it.
+            gravities: list[tuple[GravityConvention, WorldAxis, Float64]] = [
+                (gravity, _UP, factor * up) for gravity, factor in _GRAVITY_FACTORS.items()
+            ]
+            if world == identity:
+                gravities += [("declared", axis, gravity_m_s2 * np.array(axis)) for axis in _SIDEWAYS]
+            if sensor == world == identity:
+                # f lacks g along the body's Z axis: p'' = R (f + g e_z) + g.
+                gravities.append(("subtracted along z", _UP, up - gravity_m_s2 * turned[:, :, 2, 3]))
             for unit, variance in variances.items():
                 difference = compared @ np.array(world) / unit - by_force
-                for gravity, factor in _GRAVITY_FACTORS.items():
-                    # p'' = R f + g, with g as the candidate has it.
-                    residual = _mean_square(difference - factor * down) / variance
+                for gravity, upwards, term in gravities:
+                    residual = _mean_square(difference + term) / variance
                     candidates.append(
                         InertialConvention(
-                            quaternions, sensor, world, 1.0, unit, gravity, residual, count=len(compared)
+                            quaternions,
+                            sensor,
+                            world,
+                            1.0,
+                            unit,
+                            gravity,
+                            residual,
+                            0.0,
+                            len(compared),
+                            upwards,
+                            signs,
                         )
                     )
     return _simplest(candidates)
@@ -298,7 +357,11 @@ def _simplest(candidates: list[InertialConvention]) -> InertialConvention | None
     return replace(simplest, declared_residual=declared)
 
 
-def _under_convention(stored: Float64, quaternions: QuaternionConvention) -> Float64:
-    """Return quaternions (n, 4) x, y, z, w, body to world, of those stored under a convention."""
-    q = stored[:, [1, 2, 3, 0]] if quaternions.startswith("wxyz") else stored
-    return so3.inverse(q) if quaternions.endswith("inverse") else q
+def _attitudes(stored: Float64) -> Iterator[tuple[QuaternionConvention, AngleSigns, Float64]]:
+    """Yield conventions of attitudes, and quaternions (n, 4) x, y, z, w, body to world, of those stored under them."""
+    for quaternions in _QUATERNION_CONVENTIONS:
+        q = stored[:, [1, 2, 3, 0]] if quaternions.startswith("wxyz") else stored
+        yield quaternions, _AS_DECLARED, so3.inverse(q) if quaternions.endswith("inverse") else q
+    angles_rad = so3.angles_from_quaternions(stored)
+    for signs in _ANGLE_SIGNS:
+        yield "xyzw", signs, so3.quaternions_from_angles(angles_rad * signs)

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates, signed_permutations
-from fedora_qa.estimators.imu.samples import InertialSamples
+from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
 from tests.support.motion_world import GRAVITY_M_S2, NOISY, RESTLESS, sample_motion
 
 Plant = Callable[[InertialSamples], InertialSamples]
@@ -197,3 +197,62 @@ def test_too_few_samples_explain_nothing() -> None:
     for few in (samples, few_poses, few_rates):
         assert explain_rates(few, 1e-9) is None
         assert explain_forces(few, GRAVITY_M_S2, 1e-9) is None
+
+
+def unity(s: InertialSamples) -> InertialSamples:
+    """World X east, Y up, Z north; body X right, Y up, Z forward: both left-handed."""
+    world = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    body = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    turned = Rotation.from_matrix(world @ Rotation.from_quat(s.orientations_xyzw).as_matrix() @ body.T)
+    return replace(s, positions_world_m=s.positions_world_m @ world.T, orientations_xyzw=turned.as_quat())
+
+
+def unreal(s: InertialSamples) -> InertialSamples:
+    """Left-handed by the Y axis, in centimetres."""
+    q = s.orientations_xyzw * [-1.0, 1.0, -1.0, 1.0]
+    return replace(s, positions_world_m=s.positions_world_m * [100.0, -100.0, 100.0], orientations_xyzw=q)
+
+
+def compass(s: InertialSamples) -> InertialSamples:
+    """Yaw is counted clockwise from north."""
+    yaw, pitch, roll = Rotation.from_quat(s.orientations_xyzw).as_euler("ZYX").T
+    q = Rotation.from_euler("ZYX", np.stack((np.pi / 2 - yaw, pitch, roll), axis=1)).as_quat()
+    return replace(s, orientations_xyzw=q)
+
+
+def subtracted_along_body(s: InertialSamples) -> InertialSamples:
+    return replace(s, specific_forces_body_m_s2=s.specific_forces_body_m_s2 - [0.0, 0.0, GRAVITY_M_S2])
+
+
+@pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
+def test_pose_in_frames_of_other_engines_is_recognised_from_forces(noise: InertialNoise | None) -> None:
+    """A frame of world and body, left-handed ones included, is the sensor's axes and the axis that points upwards."""
+
+    def found(plant: Plant, unit: float = 1.0, yaw: int = 1) -> InertialConvention:
+        sigma_m = NOISY.position_sigma_m if noise else 1e-9
+        convention = explain_forces(plant(sample_motion(noise=noise)), GRAVITY_M_S2, unit * sigma_m, (yaw, 1, 1))
+        assert convention is not None
+        return convention
+
+    of_unity, of_unreal, of_compass = found(unity), found(unreal, 100.0), found(compass, yaw=-1)
+    assert (of_unity.up, of_unity.world_axes, of_unity.gravity) == ((0, 1, 0), IDENTITY, "declared")
+    assert np.array_equal(of_unity.sensor_axes, [[0, 0, 1], [-1, 0, 0], [0, 1, 0]])
+    assert of_unreal.sensor_axes == ((1, 0, 0), (0, -1, 0), (0, 0, 1))
+    assert (of_unreal.up, of_unreal.length_unit) == ((0, 0, 1), 100.0)
+    assert of_compass.angle_signs == (-1, 1, 1)
+    assert found(subtracted_along_body).gravity == "subtracted along z"
+
+
+def test_angle_counted_the_other_way_is_recognised_from_rates() -> None:
+    """One reversed angle is the frame of no other body, so that signs of angles explain it alone."""
+    for place in range(3):
+        signs = [-1 if axis == place else 1 for axis in range(3)]
+
+        def reverse(s: InertialSamples, signs: list[int] = signs) -> InertialSamples:
+            angles = Rotation.from_quat(s.orientations_xyzw).as_euler("ZYX") * signs
+            return replace(s, orientations_xyzw=Rotation.from_euler("ZYX", angles).as_quat())
+
+        convention = explain_rates(reverse(sample_motion()), 1e-9)
+        assert convention is not None
+        assert list(convention.angle_signs) == signs
+        assert convention.sensor_axes == IDENTITY
