@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import sqrt
 from typing import Final
 
 import numpy as np
@@ -14,12 +15,20 @@ from fedora_qa.checks.clocks.resolution import PartialGrid
 from fedora_qa.checks.clocks.span import CutOfSeveralRates, FewSamples, StreamEnds
 from fedora_qa.checks.clocks.streams import ClockSetBack, PartInOtherUnit
 from fedora_qa.checks.index_maps.frame_to_event import MapRule, WrongEntries
-from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
+from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import FRAMES_OF_MAP
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset, unit_factor
+
+_NOMINAL: Final = 1e-4
+"""Largest relative error of the rate of a clock that has a whole number of Hz: quartz keeps its rate to 1e-4."""
+
+_SAME_STRETCH: Final = 0.02
+"""Largest relative difference of a period from a stretched nominal one. A stream ends up to a period of its own and one
+of the others before the recording, which is 2% of a second at 100 Hz. The value is not derived."""
 
 _MOSTLY_ZERO: Final = 0.9
 """Least ratio of wrong entries for a map of zeros that was not only cut short."""
@@ -172,11 +181,38 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         factor = unit_factor(1 - feature.missing_ns / duration_ns)
         if factor != 1.0:
             hypotheses.append(Hypothesis("time_unit", stream, support("clocks.span_in_other_unit"), factor, "1"))
+        elif feature.missing_ns < 0 and (stretched := _of_stretched_clock(stream, feature, facts)) is not None:
+            hypotheses.append(stretched)
         cut_percent = 100 * feature.missing_ns / duration_ns
         hypotheses.append(Hypothesis("truncated", stream, support("clocks.cut_span"), cut_percent, "percent"))
     if any(isinstance(feature, CutOfSeveralRates) for feature in statistic.features):
         return tuple(replace(hypothesis, stream=stream_family(hypothesis.stream)) for hypothesis in hypotheses)
     return tuple(hypotheses)
+
+
+def _of_stretched_clock(stream: str, ends: StreamEnds, facts: Facts) -> Hypothesis | None:
+    """Return the rate of a clock that stretches a nominal period by as much as it stretches the span; None without."""
+    clock = facts.clocks.get(stream)
+    if clock is None or len(clock.times_ns) < FEWEST_TIMESTAMPS or ends.median_duration_ns <= 0:
+        return None
+    period_ns = float(np.median(np.diff(clock.times_ns)))
+    ratio = 1 - ends.missing_ns / ends.median_duration_ns
+    if period_ns <= 0 or abs(period_ns / _whole_hz_ns(period_ns) - 1) <= _NOMINAL:
+        # A stream that went on longer than the others has its own rate.
+        return None
+    nominal_ns = _whole_hz_ns(period_ns / ratio)
+    if abs(period_ns / ratio / nominal_ns - 1) > _SAME_STRETCH:
+        return None
+    steps = len(clock.times_ns) - 1
+    mean_ns = float(clock.times_ns[-1] - clock.times_ns[0]) / steps
+    error_ppm = 1e6 * NS_PER_US / sqrt(6.0) / (steps * nominal_ns)
+    rate_ppm = 1e6 * (mean_ns / nominal_ns - 1)
+    return Hypothesis("clock_rate", stream, support("clocks.stretched_span"), rate_ppm, "ppm", error_ppm)
+
+
+def _whole_hz_ns(period_ns: float) -> float:
+    """Return the period, ns, of the nearest whole number of Hz."""
+    return NS_PER_S / max(round(NS_PER_S / period_ns), 1)
 
 
 def _of_part(stream: str, part: PartInOtherUnit) -> Hypothesis:

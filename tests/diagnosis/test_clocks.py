@@ -1,5 +1,6 @@
 """Hypotheses for alarms of clocks: order, unit, rate, gaps, resolution and span of timestamps."""
 
+import numpy as np
 import pytest
 
 from fedora_qa.checks.clocks.gaps import ClockJump, DisorderedTimestamps
@@ -12,7 +13,7 @@ from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.features import Feature
 from fedora_qa.sequence.facts import EventStep
 from fedora_qa.views.clock_resets import ClockReset
-from tests.support.facts import MS
+from tests.support.facts import MS, clock, exact_facts, with_clock
 from tests.support.proposals import named, proposed
 
 BACK, FORWARDS = EventStep(700, 90 * MS, 80 * MS), EventStep(900, 95 * MS, 105 * MS)
@@ -194,6 +195,20 @@ def test_ends_that_differ_are_of_an_offset_a_unit_or_a_cut(
 ) -> None:
     """Both ends move alike by an offset; a loss is at one end; a unit is a factor of the duration."""
     assert proposed("clocks.span.end", ends) == hypotheses
+
+
+def test_a_clock_that_stretches_span_and_period_alike_has_a_wrong_rate() -> None:
+    """A stream at its nominal rate that goes on longer than the others has none."""
+    facts = exact_facts()
+    nominal = facts.clocks["imu"]
+    stretched = clock((nominal.times_ns // 1000 * 2484 // 1000) * 1000)
+    ends = StreamEnds(0.0, -1484.0 * MS * 2, 2 * SECOND)
+    (rate, cut) = proposed("clocks.span.end", ends, stream="imu", facts=with_clock(facts, "imu", stretched))
+    assert (rate.cause, rate.stream, cut.cause) == ("clock_rate", "imu", "truncated")
+    assert rate.magnitude == pytest.approx(1.484e6, rel=1e-4)
+    longer = clock(np.arange(0, round(2.484 * 2 * SECOND), nominal.times_ns[1]))
+    hypotheses = proposed("clocks.span.end", ends, stream="imu", facts=with_clock(facts, "imu", longer))
+    assert named(hypotheses) == [("truncated", "imu")]
 
 
 def test_a_part_in_another_unit_moves_an_end() -> None:
