@@ -129,7 +129,10 @@ def propose_continuity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     defects = [feature for feature in statistic.features if not isinstance(feature, LinearInterpolation)]
     of_timestamps = defect_hypotheses(defects)
     if alarm.finding.code == "pose.continuity.frozen":
-        return (Hypothesis("frozen_frames", "pose", support("pose.repeats_counted"), statistic.value, "samples"),)
+        return (
+            Hypothesis("frozen_frames", "pose", support("pose.repeats_counted"), statistic.value, "samples"),
+            Hypothesis("quantised_values", "pose", support("pose.repeats_by_steps")),
+        )
     if alarm.finding.code == "pose.continuity.interpolated":
         strength = support("pose.straight_lines_on_grid" if of_timestamps else "pose.straight_lines")
         lines = (feature for feature in statistic.features if isinstance(feature, LinearInterpolation))

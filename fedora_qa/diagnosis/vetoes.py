@@ -39,6 +39,8 @@ _FEWEST_OTHERS: Final = 2
 
 _TELEPORT: Final = ("teleport", "pose")
 
+_REPEATS: Final = ("frozen_frames", "pose")
+
 _MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
     {
         ("time_offset", "events"): (_EVENTS, "time_offset"),
@@ -76,7 +78,7 @@ _IN_ORDER: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
         ("unit_mm_m", "depth"): ("depth.scale", "depth.range", "depth.consistency"),
         ("unit_mm_m", "pose"): ("depth.scale", "depth.range", "depth.consistency"),
         # Repeats are counted bit by bit, and straight lines leave no curvature.
-        ("frozen_frames", "pose"): ("pose.continuity",),
+        _REPEATS: ("pose.continuity",),
         ("interpolated_pose", "pose"): ("pose.continuity",),
         ("quaternion_not_unit", "pose"): ("pose.orientation",),
     }
@@ -234,7 +236,9 @@ def contradicts(
     if is_off_grid or is_of_another_body or is_within_reach:
         return True
     if (cause, family) in _IN_ORDER:
-        return all(_passed(results.get(check)) for check in _IN_ORDER[cause, family])
+        # Poses that move by less than a step of their values repeat.
+        is_of_steps = (cause, family) == _REPEATS and _is_coarse(results.get("integrity.resolution"), family)
+        return is_of_steps or all(_passed(results.get(check)) for check in _IN_ORDER[cause, family])
     if family == "flow" and cause in _OF_FLOW and magnitude is not None:
         return _frames_contradict(cause, stream, magnitude, results.get("flow_photometric.residual"))
     if (cause, family) in _MEASURED and magnitude is not None:
@@ -357,6 +361,13 @@ def _steps_back(result: Result | None, family: str) -> bool:
     return result is not None and any(
         finding.code == "clocks.order.backward_steps" and stream_family(finding.where.stream or "") == family
         for finding in result.findings
+    )
+
+
+def _is_coarse(result: Result | None, family: str) -> bool:
+    """Whether values of a stream are stored in steps whose rounding is material."""
+    return result is not None and any(
+        stream_family(place.stream or "") == family for finding in result.findings for place in finding.all_places
     )
 
 

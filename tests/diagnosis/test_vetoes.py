@@ -158,3 +158,15 @@ def test_imu_and_poses_that_agree_under_another_convention_are_of_one_flight() -
         results = {"imu.rotation": Result("imu.rotation", "failed", "off", findings=(finding,))}
         assert contradicts("other_sequence", "pose", None, results, {}) == is_contradicted
         assert not contradicts("other_sequence", "depth", None, results, {})
+
+
+def test_poses_in_coarse_steps_are_not_frozen() -> None:
+    """They repeat where they move by less than a step; coarse depth says nothing of them."""
+    repeats = Result("pose.continuity", "failed", "repeats")
+    for stream, is_contradicted in (("pose", True), ("depth", False)):
+        finding = Finding("F1", "integrity.resolution.step", "error", "steps of 0.01 m", Where(stream))
+        results = {
+            "pose.continuity": repeats,
+            "integrity.resolution": Result("integrity.resolution", "failed", "coarse", findings=(finding,)),
+        }
+        assert contradicts("frozen_frames", "pose", 12.0, results, {}) == is_contradicted
