@@ -17,10 +17,12 @@ from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
 from fedora_qa.diagnosis.vetoes import places_of_clocks
+from fedora_qa.estimators.clocks.regular_clock import fit_regular_clock
 from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ShiftFieldFit, ShiftFieldModel
 from fedora_qa.faults.fault import signed_length
 from fedora_qa.judgement.judge import Alarm
@@ -123,6 +125,7 @@ def propose_threshold(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         Hypothesis("exposure_or_gamma", "rgb", support("event_response.transfer_spoils_thresholds")),
         Hypothesis("dropped_samples", "events", support("event_response.lost_events_spoil_thresholds")),
         Hypothesis("duplicated_samples", "events", support("event_response.lost_events_spoil_thresholds")),
+        *_of_rounded_frames(0.0, facts, "rounded_frames_spoil_thresholds"),
     )
 
 
@@ -159,6 +162,7 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     return (
         *_offsets(statistic.value - statistic.expected, error_ms, facts, courses.constant + courses.segment),
         *_rates(estimate, courses.drift),
+        *_of_rounded_frames(statistic.value - statistic.expected, facts, "delays_of_rounded_frames"),
         wrong_model,
         # Events of a shifted image come before or after the edge by the shift over its speed.
         *hypotheses_of_centres(facts),
@@ -257,6 +261,15 @@ def _offsets(offset_ms: float, error_ms: float | None, facts: Facts, explained: 
         # Only the difference of two clocks is measured: events too late are frames too early.
         Hypothesis("time_offset", "rgb", of_frames, -offset_ms, "ms", error_ms),
     )
+
+
+def _of_rounded_frames(offset_ms: float, facts: Facts, row: str) -> tuple[Hypothesis, ...]:
+    """Return rounded timestamps of the frames where their grid is coarser than an offset; none elsewhere."""
+    clock = facts.clocks.get("rgb")
+    fit = fit_regular_clock(clock.times_ns[clock.advancing]) if clock is not None and clock.usable else None
+    if fit is None or fit.grid_ns <= max(abs(offset_ms) * NS_PER_MS, NS_PER_MS):
+        return ()
+    return (Hypothesis("quantised_time", "rgb", support(f"event_response.{row}"), fit.grid_ns / NS_PER_MS, "ms"),)
 
 
 def _rates(estimate: ClockOffset, explained: float) -> tuple[Hypothesis, ...]:

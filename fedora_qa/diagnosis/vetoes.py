@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.causes import stream_family
-from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.measured_sizes import Results, measured
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Measurement, Result
@@ -233,7 +233,9 @@ def contradicts(
     # An offset that leaves a correlation is within reach of ``event_response.timing``, which states its size.
     is_unsized = cause in ("time_offset", "time_unit") and magnitude is None and family in ("rgb", "events")
     is_within_reach = is_unsized and _changes_alike(results.get("event_response.orientation"))
-    if is_off_grid or is_of_another_body or is_within_reach:
+    of_frames = cause == "time_offset" and family in ("events", "rgb")
+    is_rounding = of_frames and _is_rounding_of_frames(magnitude, results)
+    if is_off_grid or is_of_another_body or is_within_reach or is_rounding:
         return True
     if (cause, family) in _IN_ORDER:
         # Poses that move by less than a step of their values repeat.
@@ -298,6 +300,18 @@ def _largest_jump_that_passes(measurement: Measurement) -> float:
     limits = (measurement.limit, measurement.least_detectable, *(measurement.least_detectable_range or ()))
     largest: float = sqrt(3.0) * max(limit for limit in limits if limit is not None)
     return largest
+
+
+def _is_rounding_of_frames(offset_ms: float | None, results: Results) -> bool:
+    """Whether the grid on which frames were stamped is coarser than an offset.
+
+    Frames between two ticks are late by half a tick where they are stamped with the next one, and early by as much
+    where they are stamped with the one before.
+    """
+    grid = measured(results.get("clocks.resolution"), "rgb.grid")
+    if offset_ms is None or grid is None or grid.value is None:
+        return False
+    return abs(offset_ms) < grid.value * NS_PER_US / NS_PER_MS
 
 
 def _turns_with_depth(results: Results) -> bool:

@@ -74,7 +74,7 @@ class RegularClock:
         (j,) rows after which an otherwise exact clock jumps, and the sizes of the jumps, ns; positive where the clock
         was set forward.
     tick_ns
-        Greatest common divisor of the steps, ns.
+        Greatest common divisor of the steps, ns; or the grid of which they are multiples but for their own rounding.
     irregular_steps
         Number of steps, other than jumps, that are not a whole number of periods: 0 for an exact clock.
     """
@@ -122,7 +122,9 @@ def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
     steps = np.diff(times_ns)
     tick_ns = int(np.gcd.reduce(steps))
     passed = np.maximum(np.rint(steps / np.median(steps)), 1.0)
-    if np.count_nonzero(passed > 1) >= _FEWEST_DOUBLE_STEPS and _on_one_line(times_ns, tick_ns):
+    if coarse_ns := _coarse_grid_ns(times_ns):
+        tick_ns, passed = coarse_ns, np.ones_like(passed)
+    elif np.count_nonzero(passed > 1) >= _FEWEST_DOUBLE_STEPS and _on_one_line(times_ns, tick_ns):
         passed = np.ones_like(passed)
     off_ns = steps - passed * float(np.median(steps / passed))
     irregular = np.flatnonzero(np.abs(off_ns) > _ROUNDED_NS)
@@ -145,6 +147,30 @@ def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
         tick_ns=tick_ns,
         irregular_steps=int(np.count_nonzero(np.delete(off_ns, jumps))),
     )
+
+
+def _coarse_grid_ns(times_ns: Int64) -> int:
+    """Return the grid, ns, to which a regular clock was rounded before its timestamps were rounded to a microsecond.
+
+    Ticks of 1/60 s are no whole microseconds, so that the steps have no common divisor. They have two lengths all the
+    same, within rounding: the multiples of the grid next below and next above the period. 0 where there is no grid.
+    """
+    steps = np.diff(times_ns).astype(np.float64)
+    is_long = steps > (steps.min() + steps.max()) / 2
+    lengths = [steps[rows] for rows in (~is_long, is_long)]
+    if min(len(rows) for rows in lengths) < _FEWEST_DOUBLE_STEPS:
+        return 0
+    # Both timestamps of a step are rounded.
+    if any(np.ptp(rows) > _ROUNDINGS * _ROUNDED_NS for rows in lengths):
+        return 0
+    short, long = (float(np.mean(rows)) for rows in lengths)
+    grid = long - short
+    multiple = round(short / grid) if grid > _ROUNDINGS * _ROUNDED_NS else 0
+    if not multiple or abs(short - multiple * grid) > _ROUNDED_NS * (multiple + 1) or not np.any(steps % round(grid)):
+        return 0
+    # The whole duration is known more precisely than a step.
+    grid = float(steps.sum() / np.rint(steps / grid).sum())
+    return round(grid) if _on_one_line(times_ns, round(grid)) else 0
 
 
 def is_rounded(times_ns: Int64) -> bool:

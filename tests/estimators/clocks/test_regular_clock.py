@@ -52,6 +52,24 @@ def test_too_few_timestamps_say_nothing() -> None:
     assert fit_regular_clock(np.array([0, 5])) is None
 
 
+@pytest.mark.parametrize(("rate_hz", "display_hz"), [(50, 60), (25, 60), (24, 60), (40, 59.94), (50, 144)])
+def test_ticks_of_a_display_are_a_grid(rate_hz: float, display_hz: float) -> None:
+    """Ticks that are no whole microseconds are found, and no double step counts as a lost sample."""
+    ticks = np.ceil(np.arange(120) * display_hz / rate_hz)
+    fit = fit_regular_clock(np.rint(1e6 * ticks / display_hz).astype(np.int64) * 1000)
+    assert fit is not None
+    assert (fit.missing, len(fit.jump_after), fit.regular) == (0, 0, True)
+    assert fit.grid_ns == pytest.approx(1e9 / display_hz, abs=1000)
+
+
+def test_lost_samples_are_no_ticks() -> None:
+    """Samples of a display that are lost anywhere leave the line of a clock of another rate."""
+    lost = np.random.default_rng(0).choice(np.arange(1, 59), 10, replace=False)
+    fit = fit_regular_clock(np.rint(1e6 * np.delete(np.arange(60), lost) / 60).astype(np.int64) * 1000)
+    assert fit is not None
+    assert (fit.missing, fit.grid_ns) == (10, 1000)
+
+
 US = 1000
 PERIOD_US = 5000
 
