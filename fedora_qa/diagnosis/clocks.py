@@ -21,7 +21,7 @@ from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import FRAMES_OF_MAP
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.clock_resets import ClockReset, unit_factor
+from fedora_qa.views.clock_resets import ClockReset, tick_factor, unit_factor
 
 _NOMINAL: Final = 1e-4
 """Largest relative error of the rate of a clock that has a whole number of Hz: quartz keeps its rate to 1e-4."""
@@ -178,10 +178,12 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         duration_ns = max(feature.median_duration_ns, 1.0)
         # Ratio of the duration to the median duration of the streams: near the factor of a unit the cause is the unit,
         # not a cut.
-        factor = unit_factor(1 - feature.missing_ns / duration_ns)
-        if factor != 1.0:
-            hypotheses.append(Hypothesis("time_unit", stream, support("clocks.span_in_other_unit"), factor, "1"))
-        elif feature.missing_ns < 0 and (stretched := _of_stretched_clock(stream, feature, facts)) is not None:
+        ratio = 1 - feature.missing_ns / duration_ns
+        for factor, row in ((unit_factor(ratio), "span_in_other_unit"), (tick_factor(ratio), "span_in_ticks")):
+            if factor != 1.0:
+                hypotheses.append(Hypothesis("time_unit", stream, support(f"clocks.{row}"), factor, "1"))
+        is_of_unit = any(hypothesis.cause == "time_unit" for hypothesis in hypotheses)
+        if not is_of_unit and feature.missing_ns < 0 and (stretched := _of_stretched_clock(stream, feature, facts)):
             hypotheses.append(stretched)
         cut_percent = 100 * feature.missing_ns / duration_ns
         hypotheses.append(Hypothesis("truncated", stream, support("clocks.cut_span"), cut_percent, "percent"))

@@ -23,6 +23,16 @@ UNIT_WITHIN: Final = 0.2
 """Largest relative difference from a factor. Durations farther from all factors are streams that end early
 (clocks.span)."""
 
+TICK_FACTORS: Final = {
+    10.0: "are ticks of 100 ns",
+    0.09: "are ticks of 90 kHz",
+}
+"""Meaning of the ratio of a whole stream's duration to that of the others, for ticks that systems count: of .NET and
+Windows, and of MPEG. They lie near ratios of streams that were cut, so that other evidence has to be added."""
+
+TICKS_WITHIN: Final = 0.05
+"""Largest relative difference from such a factor: streams of a second begin and end within a few hundredths."""
+
 _BEHIND: Final = 2
 """k events in reverse make k - 1 steps back and as many that lie behind; a clock that is set back leaves many."""
 
@@ -47,6 +57,11 @@ def unit_factor(ratio: float) -> float:
     Near means a relative difference of ``UNIT_WITHIN`` at most.
     """
     return next((factor for factor in UNIT_FACTORS if abs(ratio / factor - 1) <= UNIT_WITHIN), 1.0)
+
+
+def tick_factor(ratio: float) -> float:
+    """Return the factor of ``TICK_FACTORS`` that a ratio of durations is near to; 1 where there is none."""
+    return next((factor for factor in TICK_FACTORS if abs(ratio / factor - 1) <= TICKS_WITHIN), 1.0)
 
 
 @dataclass(frozen=True, slots=True)

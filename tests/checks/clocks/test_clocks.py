@@ -133,6 +133,8 @@ FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
     "a 32-bit counter wraps": ("clocks.order", lambda: wrapped("imu"), "time_unit", "imu", None),
     "the IMU in milliseconds": ("clocks.unit", lambda: scaled("imu", 1e-3), "time_unit", "imu", 1e-3),
     "poses in nanoseconds": ("clocks.unit", lambda: scaled("pose", 1e3), "time_unit", "pose", 1e3),
+    "frames in ticks of 90 kHz": ("clocks.unit", lambda: scaled("rgb", 0.09), "time_unit", "rgb", 0.09),
+    "poses in ticks of 100 ns": ("clocks.unit", lambda: scaled("pose", 10.0), "time_unit", "pose", 10.0),
     "frames in wall-clock time": ("clocks.unit", lambda: scaled("rgb", 32.0), "time_unit", "rgb", 32.0),
     "a pose clock 50 ppm fast": ("clocks.rate", lambda: scaled("pose", 1 + 50e-6), "clock_rate", "pose", 50.0),
     "flow 0.1% slow": ("clocks.rate", lambda: scaled("flow/10hz", 1.001), "clock_rate", "flow/10hz", 1000.0),
@@ -363,6 +365,15 @@ def test_planted_fault_is_named(
     if magnitude is not None:
         assert first.magnitude == pytest.approx(magnitude, rel=0.02)
     assert all(other.finding.where.stream == stream for other in judged(name, facts()).alarms)
+
+
+@pytest.mark.parametrize("kept", [0.086, 0.09, 0.094])
+def test_a_cut_stream_is_not_one_of_ticks(kept: float) -> None:
+    """A tenth of the frames, or events that end with the motion, last as long as ticks of 90 kHz would."""
+    facts = without("rgb", slice(round(kept * len(times("rgb"))) + 1, None))
+    assert facts.events is not None
+    still = replace(facts, events=replace(facts.events, last_ns=round(kept * facts.events.last_ns)))
+    assert all(judgement.result.outcome == "passed" for judgement in [judged("clocks.unit", still)])
 
 
 def test_every_clock_check_has_a_planted_fault() -> None:
