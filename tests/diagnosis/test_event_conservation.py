@@ -82,9 +82,27 @@ def without_a_block_for_a_while(events: Stream) -> Stream:
     return kept(events, ~(in_block & (events.times_ns >= 300 * MS) & (events.times_ns < 450 * MS)))
 
 
-@pytest.mark.parametrize("fault", [without_columns, without_a_block_for_a_while])
+def without_corners(events: Stream) -> Stream:
+    down, right = (events.y - (SHAPE[0] - 1) / 2) / SHAPE[0], (events.x - (SHAPE[1] - 1) / 2) / SHAPE[1]
+    return kept(events, np.hypot(down, right) < 0.5)
+
+
+def without_every_fifth_row(events: Stream) -> Stream:
+    return kept(events, events.y % 5 != 2)
+
+
+def without_single_pixels(events: Stream) -> Stream:
+    dead = np.random.default_rng(0).random(SHAPE) < 0.02
+    return kept(events, ~dead[events.y, events.x])
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [without_columns, without_a_block_for_a_while, without_corners, without_every_fifth_row, without_single_pixels],
+)
 def test_a_region_that_is_silent_is_dead(fault: Fault, tmp_path: Path) -> None:
-    """Two dead columns, and a block that is dead for some time, are regions and no lost packets."""
+    """Two dead columns, and a block that is dead for some time, are regions and no lost packets; so are dead pixels of
+    any arrangement."""
     clean = log_file(SMOOTH_WORLD)
     first = diagnosed(clean.altered(events=fault(clean.events)), tmp_path / "dead.h5")[0]
     assert (first.stream, first.cause) == ("events", "dead_region")

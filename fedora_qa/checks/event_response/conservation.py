@@ -53,7 +53,7 @@ class ViolationCluster(Feature):
     fraction_nearby
         Fraction of the violating pixels that lie around the worst tile, within the side of such a square.
     fraction_without_events
-        Fraction of the violating pixels without any event.
+        Fraction of the violating pixels without any event, while others have as many as usual.
     fraction_in_densest_square
         Fraction of the violating pixels in one square of twice their number; 0 for fewer than 8 pixels.
     fraction_in_densest_band
@@ -226,11 +226,13 @@ class EventResponseConservation(Check[ConservationState]):
                 _most_in_a_band(pixels.sum(axis=1 - axis), ceil(2 * count / pixels.shape[1 - axis])) for axis in (0, 1)
             )
             densest_band = max(of_rows, of_columns) / count
+        # Where a group has lost most of its events, pixels without any are not dead.
+        usual = float(np.median([group.events_per_pixel for group in groups]))
         cluster = ViolationCluster(
             side_px,
             fraction_of_image=everywhere,
             fraction_nearby=float(np.count_nonzero(near)) / max(count, 1),
-            fraction_without_events=sum(group.without_events for group in groups)
+            fraction_without_events=sum(group.without_events for group in groups if group.events_per_pixel >= usual / 2)
             / max(sum(group.violations for group in groups), 1),
             fraction_in_densest_square=densest,
             fraction_in_densest_band=densest_band,
