@@ -7,7 +7,13 @@ from math import exp, expm1
 from types import MappingProxyType
 from typing import Final
 
-from fedora_qa.checks.event_response.conservation import TILE_PX, LoneEventRate, ViolationCluster, Violations
+from fedora_qa.checks.event_response.conservation import (
+    TILE_PX,
+    ChangeCourses,
+    LoneEventRate,
+    ViolationCluster,
+    Violations,
+)
 from fedora_qa.diagnosis.event_response import whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
@@ -57,6 +63,9 @@ _FEWEST_DISTURBED: Final = 0.1
 enough; background activity in the park disturbs half. Not derived: with fewer, the lone events are those of faint
 edges everywhere."""
 
+_LEAST_COMMON_PERCENT: Final = 2.0
+"""Least common gain of the frames for another exposure: tiles of correct frames differ by as much. Not derived."""
+
 _CAUSES: Final[Mapping[Transform, str]] = MappingProxyType(
     {
         "invert_polarity": "polarity_inverted",
@@ -93,6 +102,7 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     (violations,) = (feature for feature in features if isinstance(feature, Violations))
     (cluster,) = (feature for feature in features if isinstance(feature, ViolationCluster))
     trials = [feature for feature in features if isinstance(feature, InverseTrial)]
+    courses = next((feature for feature in features if isinstance(feature, ChangeCourses)), ChangeCourses())
     noise = _of_noise([feature for feature in features if isinstance(feature, LoneEventRate)], violations, facts)
     few = violations.fraction < _FEW
     # Violations of a dead region lie together, in pixels without events; rows or columns that are dead form a band.
@@ -104,6 +114,8 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         dead = _support("dead_pixels")
     elif not no_events and min(together, cluster.fraction_without_events) > _ONE_REGION:
         dead = _support("dead_region")
+    elif courses.silent_tiles and not no_events:
+        dead = _support("silent_tiles")
     elif (
         not no_events
         and cluster.fraction_of_image < _FEW
@@ -136,7 +148,7 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             Hypothesis("duplicated_samples", "events", _support(doubled), count, "samples"),
         )
     any_fault = tuple(Hypothesis(cause, stream, _support("any_fault")) for cause, stream in _BREAKS_THE_LAW)
-    beside = (dead_region, *unrelated, *samples, *any_fault)
+    beside = (*_of_courses(courses), dead_region, *unrelated, *samples, *any_fault)
     # Events that end more than two frames before the frames do were cut off.
     cut_off: tuple[Hypothesis, ...] = ()
     times_ns = facts.clocks["rgb"].times_ns
@@ -146,6 +158,20 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         if silent_ns * (len(times_ns) - 1) > 2 * duration_ns:
             cut_off = (Hypothesis("truncated", "events", _support("truncated")),)
     return (*by_trial, *cut_off, *noise, *(replace(each, support=remaining * each.support) for each in beside))
+
+
+def _of_courses(courses: ChangeCourses) -> tuple[Hypothesis, ...]:
+    """Return another exposure, and another sequence for a while, where frames and events change so over time."""
+    hypotheses: list[Hypothesis] = []
+    if abs(courses.common_percent) > _LEAST_COMMON_PERCENT:
+        supported = _support("common_change")
+        hypotheses.append(Hypothesis("exposure_or_gamma", "rgb", supported, courses.common_percent, "percent"))
+    if courses.unrelated_percent:
+        hypotheses += [
+            Hypothesis("other_sequence", stream, _support(f"unrelated_{name}"), courses.unrelated_percent, "percent")
+            for stream, name in (("events", "events"), ("rgb", "frames"))
+        ]
+    return tuple(hypotheses)
 
 
 def _of_noise(rates: Sequence[LoneEventRate], violations: Violations, facts: Facts) -> tuple[Hypothesis, ...]:

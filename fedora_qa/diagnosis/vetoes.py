@@ -226,7 +226,7 @@ def contradicts(
     """
     family = stream_family(stream)
     if cause == "other_sequence":
-        return _is_of_this_sequence(family, results)
+        return _is_of_this_sequence(family, magnitude, results)
     offset_ms = magnitude if cause == "time_offset" else None
     is_off_grid = cause in ("time_offset", "clock_rate") and family in places and places[family].excludes(offset_ms)
     is_of_another_body = family == "pose" and cause in _ATTITUDE_CONVENTIONS and _turns_with_depth(results)
@@ -237,7 +237,8 @@ def contradicts(
     is_rounding = of_frames and _is_rounding_of_frames(magnitude, results)
     if is_off_grid or is_of_another_body or is_within_reach or is_rounding:
         return True
-    if (cause, family) in _IN_ORDER:
+    # A gain that was measured of single frames changes the whole by less.
+    if (cause, family) in _IN_ORDER and (cause != "exposure_or_gamma" or magnitude is None):
         # Poses that move by less than a step of their values repeat.
         is_of_steps = (cause, family) == _REPEATS and _is_coarse(results.get("integrity.resolution"), family)
         return is_of_steps or all(_passed(results.get(check)) for check in _IN_ORDER[cause, family])
@@ -255,14 +256,18 @@ def contradicts(
     return False
 
 
-def _is_of_this_sequence(family: str, results: Results) -> bool:
+def _is_of_this_sequence(family: str, magnitude: float | None, results: Results) -> bool:
     """Whether a stream correlates with others, or deviates for a reason that another sequence has not."""
+    of_frames = family in ("rgb", "events")
     # A whole that correlates says nothing of a while in which single changes do not.
-    while_apart = family in ("rgb", "events") and _failed(results.get("event_response.frames"))
+    while_apart = of_frames and (magnitude is not None or _failed(results.get("event_response.frames")))
     correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()) if not while_apart)
     if family in ("imu", "pose"):
         correlates |= _turns_alike(results.get("imu.rotation")) or _agrees_otherwise(results)
-    if family in ("rgb", "events") and not while_apart:
+    if family == "rgb" and magnitude is not None:
+        # Of a share of the time: flow warps every frame, events correlate on the whole.
+        correlates = _passed(results.get("flow_photometric.residual"))
+    if of_frames and not while_apart:
         correlates |= _changes_alike(results.get("event_response.orientation"))
         # Events without a sign follow no frames, of whatever sequence.
         correlates |= _has_finding(results.get("event_stream.bounds"), "event_stream.bounds.one_polarity")

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_response.conservation import LoneEventRate, ViolationCluster, Violations
+from fedora_qa.checks.event_response.conservation import (
+    ChangeCourses,
+    LoneEventRate,
+    ViolationCluster,
+    Violations,
+)
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
@@ -129,6 +134,30 @@ def test_lone_events_everywhere_are_noise(rate: LoneEventRate, is_noise: bool) -
     features = Violations(2000, 0.2), ViolationCluster(44.7, 0.2, 0.1, 0.0, 0.05), rate
     first = proposed("event_response.conservation.pixels", *features, stream="events")[0]
     assert (first == Hypothesis("noise_misdeclared", "events", 0.9)) is is_noise
+
+
+@pytest.mark.parametrize(
+    ("courses", "first"),
+    [
+        (ChangeCourses(unrelated_percent=14.0), Hypothesis("other_sequence", "events", 0.9, 14.0, "percent")),
+        (ChangeCourses(common_percent=17.0), Hypothesis("exposure_or_gamma", "rgb", 0.9, 17.0, "percent")),
+        (ChangeCourses(common_percent=1.0), Hypothesis("dropped_samples", "events", 0.4, 2000.0, "samples")),
+        (ChangeCourses(), Hypothesis("dropped_samples", "events", 0.4, 2000.0, "samples")),
+    ],
+)
+def test_courses_over_time_are_named_before_losses(courses: ChangeCourses, first: Hypothesis) -> None:
+    """What loses events leaves neither unrelated events nor a change of all tiles alike."""
+    assert best_supported(courses) == first
+
+
+def test_tiles_that_are_silent_for_a_while_are_dead() -> None:
+    assert best_supported(ChangeCourses(silent_tiles=2)).cause == "dead_region"
+
+
+def best_supported(courses: ChangeCourses) -> Hypothesis:
+    features = Violations(2000, 0.2), ViolationCluster(44.7, 0.2, 0.1, 0.0, 0.05), courses
+    hypotheses = proposed("event_response.conservation.pixels", *features, stream="events")
+    return max(hypotheses, key=lambda hypothesis: hypothesis.support)
 
 
 def test_lost_events_are_not_mended(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.checks.event_response.alignment import CameraErrorFits, ShiftAxis
-from fedora_qa.checks.event_response.frames import ChangeAnomalies, longest_unrelated
+from fedora_qa.checks.event_response.frames import ChangeAnomalies
 from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.timing import DelayCourses, delay_courses
@@ -14,6 +14,7 @@ from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.event_response import hypotheses_of_symmetry, propose_alignment, whose_offset, with_clock_reset
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.proposed_faults import faults_for
+from fedora_qa.estimators.events.change_courses import longest_unrelated
 from fedora_qa.estimators.events.delays import DelayStep
 from fedora_qa.estimators.events.orientation import SYMMETRIES
 from fedora_qa.estimators.events.shift_field import ShiftFieldFit, ShiftFieldModel

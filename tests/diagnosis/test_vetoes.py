@@ -179,3 +179,14 @@ def test_frames_rounded_to_a_grid_are_off_by_a_part_of_it(offset_ms: float | Non
     results = {"clocks.resolution": Result("clocks.resolution", "failed", "coarse", measurements=(grid,))}
     assert contradicts("time_offset", "events", offset_ms, results, {}) == is_contradicted
     assert contradicts("time_offset", "rgb", offset_ms, results, {}) == is_contradicted
+
+
+@pytest.mark.parametrize(("stream", "share", "is_contradicted"),
+                         [("events", None, True), ("events", 14.0, False), ("rgb", 14.0, True)])  # fmt: skip
+def test_a_whole_that_correlates_excludes_no_share_of_the_time(
+    stream: str, share: float | None, is_contradicted: bool
+) -> None:
+    """Frames of another sequence for a while would leave the flow in single fields."""
+    checks = "event_response.orientation", "flow_photometric.residual"
+    results = {check: Result(check, "passed", "in order") for check in checks}
+    assert contradicts("other_sequence", stream, share, results, {}) == is_contradicted

@@ -9,6 +9,12 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.events.change_courses import (
+    FEWEST_INTERVALS,
+    common_change,
+    longest_unrelated,
+    silent_tiles,
+)
 from fedora_qa.estimators.events.rates import LoneEvents, count_lone_events
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -16,6 +22,7 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.conservation_trials import InverseTrial, inverse_trials
+from fedora_qa.views.event_blocks import block_moments
 from fedora_qa.views.event_camera import resampled_frames, sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.views.frame_runs import FrameRuns, FrameRunSummary
 
@@ -87,6 +94,26 @@ class LoneEventRate(Feature):
     seconds: float
 
 
+@dataclass(frozen=True, slots=True)
+class ChangeCourses(Feature):
+    """How frames and events change together over time.
+
+    Attributes
+    ----------
+    unrelated_percent
+        Longest part of the time in which both change without correlation, while they correlate otherwise; 0 for none.
+    common_percent
+        Largest gain of all tiles of the frames together that their events do not contain; 0 where there is none, and
+        for the linear model.
+    silent_tiles
+        Number of tiles without an event for a while in which they change as usual and others have events.
+    """
+
+    unrelated_percent: float = 0.0
+    common_percent: float = 0.0
+    silent_tiles: int = 0
+
+
 @dataclass(slots=True)
 class ConservationState:
     """State of the check over some windows.
@@ -99,11 +126,14 @@ class ConservationState:
         Inverse trials of windows that violate the law.
     lone
         Events without other events near them, between the frames; None where no frames were compared.
+    moments
+        (k, t, 6) moments of changes by interval and tile, of each window.
     """
 
     runs: FrameRuns
     trials: list[InverseTrial] = field(default_factory=list)
     lone: LoneEvents | None = None
+    moments: list[NDArray[np.float32]] = field(default_factory=list)
 
 
 class EventResponseConservation(Check[ConservationState]):
@@ -189,11 +219,17 @@ class EventResponseConservation(Check[ConservationState]):
         if len(resampled) > 1:
             lone = count_lone_events(resampled.counts, np.diff(resampled.times_ns))
             state.lone = lone if state.lone is None else state.lone + lone
+        blocks = block_moments(window)
+        if blocks is not None:
+            # Axis 2 holds the eight symmetries, the declared orientation first.
+            state.moments.append(blocks.steps[:, :, 0].astype(np.float32))
 
     def merge(self, state: ConservationState, later: ConservationState) -> ConservationState:
         """Join adjacent frame runs."""
         lone = state.lone + later.lone if state.lone and later.lone else state.lone or later.lone
-        return ConservationState(state.runs.then(later.runs), state.trials + later.trials, lone)
+        return ConservationState(
+            state.runs.then(later.runs), state.trials + later.trials, lone, state.moments + later.moments
+        )
 
     def conclude(self, state: ConservationState, facts: Facts) -> Observation:
         """Count the pixels that violate the law, in the worst two seconds and by tile."""
@@ -237,6 +273,7 @@ class EventResponseConservation(Check[ConservationState]):
             fraction_in_densest_square=densest,
             fraction_in_densest_band=densest_band,
         )
+        courses = _courses(state.moments, state.runs.model)
         tile = Statistic(
             name="worst_tile",
             value=tile_fraction,
@@ -255,12 +292,12 @@ class EventResponseConservation(Check[ConservationState]):
             f"contradicts the frames; in the whole image in {everywhere:.2%}.",
             code="event_response.conservation.region",
             where=Where(stream="events", tile=(column, row, column + side, row + side)),
-            features=(Violations(count, everywhere), cluster, *state.trials),
+            features=(Violations(count, everywhere), cluster, courses, *state.trials),
         )
         times_ns = facts.clocks["rgb"].times_ns
         seconds = max(float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S for group in groups)
         noise = (LoneEventRate(state.lone.quiet_rate_hz, state.lone.mean_rate_hz, seconds),) if state.lone else ()
-        worst_group = self._worst_group(groups, state.runs.model, facts, (cluster, *noise, *state.trials))
+        worst_group = self._worst_group(groups, state.runs.model, facts, (cluster, courses, *noise, *state.trials))
         return Observation(
             coverage,
             (worst_group, tile),
@@ -324,6 +361,22 @@ class EventResponseConservation(Check[ConservationState]):
             ),
             features=(Violations(counts[worst], counts[worst] / size), *features),
         )
+
+
+def _courses(moments: list[NDArray[np.float32]], model: EventModel) -> ChangeCourses:
+    """Return how frames and events change together over the windows."""
+    if not moments:
+        return ChangeCourses()
+    by_tile = np.concatenate(moments).astype(np.float64)
+    _, _, _, dd, ee, de = by_tile.sum(axis=1).T
+    run = longest_unrelated(dd, ee, de)
+    # A gain of the light is a constant of the signal in the log model alone.
+    gain = expm1(common_change(by_tile)) if model.model == "log" else 0.0
+    return ChangeCourses(
+        unrelated_percent=100 * run / len(dd) if run >= FEWEST_INTERVALS else 0.0,
+        common_percent=100 * gain,
+        silent_tiles=int(np.count_nonzero(silent_tiles(by_tile))),
+    )
 
 
 def _square_counts(pixels: Bool, side: int) -> NDArray[np.int64]:

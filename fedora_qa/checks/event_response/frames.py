@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_US, US_PER_S
+from fedora_qa.estimators.events.change_courses import longest_unrelated
 from fedora_qa.estimators.events.orientation import BLOCK_PX
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, sensitivity_range
 from fedora_qa.features import Feature
@@ -30,10 +31,6 @@ CHANGE_BOUND: Final = 0.5
 """Bound of the coefficient: halfway between a correct frame (1) and one that repeats the frame before (0)."""
 
 FEWEST_INTERVALS: Final = 5
-
-UNRELATED: Final = 0.3
-"""Largest correlation of unrelated changes, relative to the median: those of another scene scatter about 0 by a tenth
-or so. A repeated or exchanged frame leaves one or two such intervals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,26 +184,3 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
             evidence={"change_shown": np.stack([times_s, gains], axis=1)},
             titles={"change_shown": "Change between frames over change by events; x time [s]; y ratio [1]"},
         )
-
-
-def longest_unrelated(dd: Float64, ee: Float64, de: Float64) -> int:
-    """Return the length of the longest run of intervals in which frames and events change without correlation.
-
-    Parameters
-    ----------
-    dd, ee, de
-        (n,) sums of squares of the frames' change d and of the events' change e, and of d e, in the order of time.
-
-    Returns
-    -------
-    int
-        0 where most intervals have no correlation, so that none stands out.
-    """
-    correlations = de / np.sqrt(np.maximum(dd * ee, 1e-300))
-    usual = float(np.median(correlations))
-    unrelated = (np.abs(correlations) < UNRELATED * usual) & (dd > 0)
-    longest = run = 0
-    for is_unrelated in unrelated.tolist():
-        run = run + 1 if is_unrelated else 0
-        longest = max(longest, run)
-    return longest if usual > 0 else 0
