@@ -63,6 +63,10 @@ _FEWEST_DISTURBED: Final = 0.1
 enough; background activity in the park disturbs half. Not derived: with fewer, the lone events are those of faint
 edges everywhere."""
 
+_MOSTLY_SILENT: Final = 0.5
+"""Least share of the violating pixels in tiles that are silent for a while, for a dead region: a readout that saturates
+silences a tile as well, and loses events elsewhere."""
+
 _LEAST_COMMON_PERCENT: Final = 2.0
 """Least common gain of the frames for another exposure: tiles of correct frames differ by as much. Not derived."""
 
@@ -114,7 +118,7 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         dead = _support("dead_pixels")
     elif not no_events and min(together, cluster.fraction_without_events) > _ONE_REGION:
         dead = _support("dead_region")
-    elif courses.silent_tiles and not no_events:
+    elif courses.silent_share > _MOSTLY_SILENT and not no_events:
         dead = _support("silent_tiles")
     elif (
         not no_events

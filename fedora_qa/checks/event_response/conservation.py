@@ -23,7 +23,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.conservation_trials import InverseTrial, inverse_trials
 from fedora_qa.views.event_blocks import block_moments
-from fedora_qa.views.event_camera import resampled_frames, sensor_shape, why_frames_and_events_do_not_meet
+from fedora_qa.views.event_camera import GRID, resampled_frames, sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.views.frame_runs import FrameRuns, FrameRunSummary
 
 Bool = NDArray[np.bool_]
@@ -105,13 +105,14 @@ class ChangeCourses(Feature):
     common_percent
         Largest gain of all tiles of the frames together that their events do not contain; 0 where there is none, and
         for the linear model.
-    silent_tiles
-        Number of tiles without an event for a while in which they change as usual and others have events.
+    silent_share
+        Share of the violating pixels in tiles without an event for a while in which they change as usual and others
+        have events, 0 to 1.
     """
 
     unrelated_percent: float = 0.0
     common_percent: float = 0.0
-    silent_tiles: int = 0
+    silent_share: float = 0.0
 
 
 @dataclass(slots=True)
@@ -273,7 +274,7 @@ class EventResponseConservation(Check[ConservationState]):
             fraction_in_densest_square=densest,
             fraction_in_densest_band=densest_band,
         )
-        courses = _courses(state.moments, state.runs.model)
+        courses = _courses(state.moments, state.runs.model, pixels)
         tile = Statistic(
             name="worst_tile",
             value=tile_fraction,
@@ -363,8 +364,8 @@ class EventResponseConservation(Check[ConservationState]):
         )
 
 
-def _courses(moments: list[NDArray[np.float32]], model: EventModel) -> ChangeCourses:
-    """Return how frames and events change together over the windows."""
+def _courses(moments: list[NDArray[np.float32]], model: EventModel, violating: Bool) -> ChangeCourses:
+    """Return how frames and events change together over the windows, with the pixels (h, w) that violate the law."""
     if not moments:
         return ChangeCourses()
     by_tile = np.concatenate(moments).astype(np.float64)
@@ -372,10 +373,14 @@ def _courses(moments: list[NDArray[np.float32]], model: EventModel) -> ChangeCou
     run = longest_unrelated(dd, ee, de)
     # A gain of the light is a constant of the signal in the log model alone.
     gain = expm1(common_change(by_tile)) if model.model == "log" else 0.0
+    height, width = violating.shape
+    in_silence = silent_tiles(by_tile).reshape(GRID, GRID)[
+        np.ix_(GRID * np.arange(height) // height, GRID * np.arange(width) // width)
+    ]
     return ChangeCourses(
         unrelated_percent=100 * run / len(dd) if run >= FEWEST_INTERVALS else 0.0,
         common_percent=100 * gain,
-        silent_tiles=int(np.count_nonzero(silent_tiles(by_tile))),
+        silent_share=float(np.count_nonzero(violating & in_silence)) / max(int(np.count_nonzero(violating)), 1),
     )
 
 

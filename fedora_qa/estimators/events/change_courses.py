@@ -103,7 +103,7 @@ def silent_tiles(moments: Float64) -> Bool:
     """
     intervals, tiles = moments.shape[:2]
     silent = np.zeros(tiles, np.bool_)
-    changes, of_events = moments[..., 3], moments[..., 4]
+    changes, of_events, products = np.moveaxis(moments[..., 3:], -1, 0)
     fires = of_events > 0
     if not fires.any():
         return silent
@@ -118,8 +118,11 @@ def silent_tiles(moments: Float64) -> Bool:
         # Intervals without events are rarer beside the run: of k runs of n intervals that are as rare, one occurs with
         # the probability k p^n.
         is_chance = intervals * tiles * float(np.mean(~fires[beside, tile])) ** length > _BY_CHANCE
-        # Events follow the changes of the frames in the same ratio as elsewhere in time.
-        ratio = of_events[beside, tile].sum() / max(changes[beside, tile].sum(), 1e-300)
+        # Beside the run events follow the changes of the frames, with the square of the correlation of their squares;
+        # those of noise and of another sequence do not.
+        of_frames, all_events = changes[beside, tile].sum(), of_events[beside, tile].sum()
+        explained = products[beside, tile].sum() ** 2 / max(of_frames * all_events, 1e-300)
+        ratio = explained * all_events / max(of_frames, 1e-300)
         is_due = ratio * float(np.median(changes[~beside, tile])) > _DUE * of_one
         silent[tile] = is_due and not is_chance
     if not silent.any():

@@ -68,6 +68,14 @@ def test_tiles_that_are_silent_for_a_while() -> None:
     assert np.flatnonzero(silent_tiles(moments(d, e))).tolist() == [12, 13, 14]
 
 
+def test_noise_for_a_while_leaves_no_silent_tile() -> None:
+    """Events of noise are there at one time alone, and the rest of the time lacks none."""
+    d, e = changes()
+    e[:, 13] = 0.0
+    e[WHILE, 13] = STEP * np.random.default_rng(3).integers(-1, 2, e[WHILE, 13].shape)
+    assert not silent_tiles(moments(d, e))[13]
+
+
 @pytest.mark.parametrize("gain", [-0.2, 0.15])
 def test_frames_that_change_as_a_whole_were_exposed_otherwise(gain: float) -> None:
     """A slow gain of all frames, without events; where darker events are lost, quiet tiles do not change."""
