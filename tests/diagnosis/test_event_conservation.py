@@ -113,6 +113,14 @@ def test_a_region_that_is_silent_is_dead(fault: Fault, tmp_path: Path) -> None:
     assert (first.stream, first.cause) == ("events", "dead_region")
 
 
+def test_events_of_another_time_leave_no_dead_pixels(tmp_path: Path) -> None:
+    """No pixel has an event between the frames, as all come 37 s later."""
+    clean = log_file(SMOOTH_WORLD)
+    later = replace(clean.events, times_ns=clean.events.times_ns + 37_000 * MS)
+    causes = [found.cause for found in diagnosed(clean.altered(events=later), tmp_path / "later.h5")]
+    assert "dead_region" not in causes
+
+
 def test_what_nothing_mends_is_of_another_sequence(tmp_path: Path) -> None:
     """Events of another world are not taken for events of this one that were moved, turned or delayed."""
     file = log_file(SMOOTH_WORLD).altered(events=log_file(OTHER_WORLD).events)

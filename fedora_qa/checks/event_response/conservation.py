@@ -263,13 +263,15 @@ class EventResponseConservation(Check[ConservationState]):
                 _most_in_a_band(pixels.sum(axis=1 - axis), ceil(2 * count / pixels.shape[1 - axis])) for axis in (0, 1)
             )
             densest_band = max(of_rows, of_columns) / count
-        # Where a group has lost most of its events, pixels without any are not dead.
+        # Where a group has lost most of its events, or all lie at other times, pixels without any are not dead.
         usual = float(np.median([group.events_per_pixel for group in groups]))
         cluster = ViolationCluster(
             side_px,
             fraction_of_image=everywhere,
             fraction_nearby=float(np.count_nonzero(near)) / max(count, 1),
-            fraction_without_events=sum(group.without_events for group in groups if group.events_per_pixel >= usual / 2)
+            fraction_without_events=sum(
+                group.without_events for group in groups if group.events_per_pixel >= max(usual / 2, 1 / pixels.size)
+            )
             / max(sum(group.violations for group in groups), 1),
             fraction_in_densest_square=densest,
             fraction_in_densest_band=densest_band,
