@@ -11,6 +11,7 @@ import numpy as np
 from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, EventEdges
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
+from fedora_qa.diagnosis.measured_sizes import length_with_error
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
@@ -74,7 +75,7 @@ def shift_hypotheses(pairs: Sequence[CameraPairShift], cameras: Mapping[str, Cam
     Returns
     -------
     tuple
-        Best supported first; sizes in pixels of the shifted camera, along its larger component.
+        Best supported first; sizes in pixels of the shifted camera: lengths, with the sign of the larger component.
     """
     focal_px = {name: float(camera.K[0, 0]) for name, camera in cameras.items()}
     names = dict.fromkeys(name for pair in pairs for name in (pair.second, pair.first))
@@ -111,7 +112,8 @@ def _fitted_shift(
     total = float((precisions * shifts_px**2).sum())
     # At the least-squares fit sum(w s^2) = fit * projection + rest: this is the explained share of the squares.
     explained = float((projection * fit_px).sum()) / total if total > 0 else 0.0
-    # A cause has one size: the larger component, with the error 1 / sqrt(information) of its own axis.
-    axis = int(np.argmax(np.abs(fit_px)))
-    error_px = float(information[axis]) ** -0.5 if information[axis] > 0 else None
-    return Hypothesis(cause, stream, prior * explained, float(fit_px[axis]), "px", error_px)
+    # The error of a component is 1 / sqrt(information).
+    if not np.all(information > 0):
+        return Hypothesis(cause, stream, prior * explained, 0.0, "px")
+    size_px, error_px = length_with_error(fit_px.tolist(), (information**-0.5).tolist())
+    return Hypothesis(cause, stream, prior * explained, size_px, "px", error_px)

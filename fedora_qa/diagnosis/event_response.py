@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_response.alignment import CameraErrorFits, ShiftAxis
+from fedora_qa.checks.event_response.alignment import CameraErrorFits, EventShift
 from fedora_qa.checks.event_response.frames import ChangeAnomalies
 from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
@@ -20,7 +20,7 @@ from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
-from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
+from fedora_qa.diagnosis.measured_sizes import length_with_error, rgb_px_per_event_px
 from fedora_qa.diagnosis.vetoes import places_of_clocks
 from fedora_qa.estimators.clocks.regular_clock import fit_regular_clock
 from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ShiftFieldFit, ShiftFieldModel
@@ -302,21 +302,19 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     )
     if rule in ("scale", "roll"):
         return (*cameras, *others)
-    (axis,) = (feature.axis for feature in statistic.features if isinstance(feature, ShiftAxis))
-    # The size of a spatial offset is its component along the columns; a shift down only has no size.
-    right_px = statistic.value if axis == "right" else None
-    error_px = statistic.standard_error
+    shift = only_feature(statistic.features, EventShift)
+    size_px, error_px = length_with_error((shift.right_px, shift.down_px), shift.errors_px)
     # The image of frames moves the other way, in pixels of its own.
-    frames_px = None if right_px is None else -right_px * rgb_px_per_event_px(facts)
+    gain = rgb_px_per_event_px(facts)
     if rule == "shift":
         # Tiles that are shifted by as much as all others are those of an image that was moved.
         of_shift = fits["shift"].explained if "shift" in fits else 1.0
         centre = Hypothesis("intrinsics_centre", "metadata", of_shift * _of_alignment("intrinsics_centre"))
         return (
             *cameras,
-            Hypothesis("spatial_offset", "events", of_shift * _of_alignment("events_offset"), right_px, "px",
-                       None if right_px is None else error_px),
-            Hypothesis("spatial_offset", "rgb", of_shift * _of_alignment("frames_offset"), frames_px, "px"),
+            Hypothesis("spatial_offset", "events", of_shift * _of_alignment("events_offset"), size_px, "px", error_px),
+            Hypothesis("spatial_offset", "rgb", of_shift * _of_alignment("frames_offset"), -gain * size_px, "px",
+                       gain * error_px),
             *others,
             *(hypotheses_of_centres(facts) or (centre,)),
         )  # fmt: skip
@@ -333,7 +331,7 @@ def propose_alignment(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     rest = 1.0 - max((hypothesis.support for hypothesis in cameras), default=0.0)
     return (
         *cameras,
-        Hypothesis("spatial_offset", "events", rest * _of_alignment("part_events_offset"), right_px, "px", error_px),
+        Hypothesis("spatial_offset", "events", rest * _of_alignment("part_events_offset"), size_px, "px", error_px),
         *of_frames,
         Hypothesis("event_model_misdeclared", "events", _of_alignment("part_event_model")),
         Hypothesis("time_offset", "events", _of_alignment("part_events_time_offset")),

@@ -1,12 +1,13 @@
 """Sizes of faults that results state: deviations and vectors."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from math import hypot
 from typing import Final
 
 import numpy as np
 
 from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
-from fedora_qa.faults.fault import Vector3
+from fedora_qa.faults.fault import Vector3, signed_length
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import is_flow_stream
 from fedora_qa.record.types import Measurement, Result
@@ -30,6 +31,19 @@ def deviation(result: Result | None, name: str) -> float:
     if measurement is None or measurement.value is None:
         return 0.0
     return measurement.value - (measurement.expected or 0.0)
+
+
+def length_with_error(components: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:
+    """Return the length of a vector, with the sign of its largest component, and its standard error.
+
+    The error is that of the component along the vector, of independent errors of the components; of a vector of length
+    0 the largest of them.
+    """
+    length = signed_length(tuple(components))
+    if not length:
+        return 0.0, max(errors)
+    # d|v| / dv_i = v_i / |v|.
+    return length, hypot(*(value * error / length for value, error in zip(components, errors, strict=True)))
 
 
 def vector(group: str, result: Result | None) -> Vector3 | None:

@@ -341,12 +341,14 @@ def _pixel_shift(fit: FittedCause) -> Faults:
     result = fit.results.get(checks.get(fit.family, ""))
     # Alignment measures the shift of events, or of the depth camera, against the colour frames.
     gain = -rgb_px_per_event_px(fit.facts) if fit.stream == "rgb" else 1.0
-    right, down = (round(gain * deviation(result, f"shift_{way}")) for way in ("right", "down"))
-    along = round(fit.size)
+    right_px, down_px = (gain * deviation(result, f"shift_{way}") for way in ("right", "down"))
+    right, down, along = round(right_px), round(down_px), round(fit.size)
     # A shift larger than what the check searches saturates: the fitted size is tried too, along either axis.
     for columns, rows in dict.fromkeys(((right, down), (along, 0), (0, along))):
         if columns or rows:
             yield pixels.PixelShift(fit.stream, columns, rows)
+    if fit.stream == "rgb" and max(abs(right_px - right), abs(down_px - down)) > _WHOLE_PX:
+        yield pixels.PixelShift(fit.stream, right_px, down_px)
 
 
 def _thresholds(fit: FittedCause) -> Faults:

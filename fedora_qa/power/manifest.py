@@ -6,6 +6,7 @@ one for files of their own.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import copysign, cos, radians, sin
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Final, Literal
 
@@ -41,6 +42,14 @@ class PlantedFault:
     def name(self) -> str:
         """``stream:cause``."""
         return f"{self.stream}:{self.cause}"
+
+    @property
+    def signed_magnitude(self) -> float | None:
+        """The magnitude; of a shift in a direction with the sign of its larger component, right or down positive."""
+        if self.magnitude is None or self.direction_deg is None:
+            return self.magnitude
+        right, down = cos(radians(self.direction_deg)), sin(radians(self.direction_deg))
+        return copysign(self.magnitude, right if abs(right) >= abs(down) else down)
 
     @property
     def is_confined(self) -> bool:

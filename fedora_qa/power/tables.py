@@ -92,9 +92,10 @@ def magnitude_errors(trials: Sequence[Trial]) -> tuple[MagnitudeError, ...]:
             continue
         (fault,), named = trial.item.planted, trial.checked.diagnoses[0]
         factor = factor_between(named.unit, fault.unit or "")
-        if fault.magnitude and named.magnitude is not None and factor is not None:
+        truth = fault.signed_magnitude
+        if truth and named.magnitude is not None and factor is not None:
             error = None if not named.standard_error else named.standard_error * factor
-            size = SizeEstimate(fault.magnitude, named.magnitude * factor, error)
+            size = SizeEstimate(truth, named.magnitude * factor, error)
             by_cause_and_unit.setdefault((fault.name, fault.unit or ""), []).append(size)
     errors = []
     for (cause, unit), sizes in by_cause_and_unit.items():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.checks.event_response.alignment import CameraErrorFits, ShiftAxis
+from fedora_qa.checks.event_response.alignment import CameraErrorFits, EventShift
 from fedora_qa.checks.event_response.frames import ChangeAnomalies
 from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
@@ -65,22 +65,24 @@ def test_a_late_segment_within_a_file_needs_two_steps(chosen: list[bool], gains:
 
 
 def test_a_shift_of_frames_is_in_their_own_pixels() -> None:
-    """Three pixels of the events to the right are six to the left of a camera of twice the focal length."""
+    """Three pixels of the events to the right and four down are ten to the left and up at twice the focal length."""
     cameras = {
         name: Camera(64, 48, np.array([[focal, 0, 32], [0, focal, 24], [0, 0, 1.0]]), np.eye(4))
         for name, focal in (("rgb", 200.0), ("events", 100.0))
     }
     facts = exact_facts()
     facts = replace(facts, declared=replace(facts.declared, cameras=cameras))
-    where, axis = Where(stream="events"), ShiftAxis("right")
+    where, shift = Where(stream="events"), EventShift(3.0, 4.0, (0.01, 0.02))
     code = "event_response.alignment.shift"
-    statistic = Statistic("shift_right", 3.0, "px", 0.01, "off", code, where, features=(axis,))
+    statistic = Statistic("shift_right", 3.0, "px", 0.01, "off", code, where, features=(shift,))
     shifts = {
-        h.stream: h.magnitude
+        h.stream: (h.magnitude, h.standard_error)
         for h in propose_alignment(Alarm(Finding("F1", code, "error", "off", where), statistic), facts)
         if h.cause == "spatial_offset"
     }
-    assert shifts == {"events": 3.0, "rgb": -6.0}
+    # The error along (3, 4): sqrt((3 x 0.01)^2 + (4 x 0.02)^2) / 5.
+    assert shifts["events"] == pytest.approx((5.0, np.hypot(0.03, 0.08) / 5))
+    assert shifts["rgb"] == pytest.approx((-10.0, np.hypot(0.06, 0.16) / 5))
 
 
 def fit(model: ShiftFieldModel, beyond: float, *parameters: float) -> ShiftFieldFit:

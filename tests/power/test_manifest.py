@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.power.manifest import Manifest, read_manifest, require_files
+from fedora_qa.power.manifest import Manifest, PlantedFault, read_manifest, require_files
 
 LATE = {"file": "late.h5", "base": "day.h5", "cause": "time_offset", "stream": "events", "magnitude": 2.0, "unit": "ms"}
 
@@ -81,3 +81,14 @@ def test_files_must_be_there_as_listed(tmp_path: Path) -> None:
     (tmp_path / "day.h5").write_bytes(b"abc")
     (tmp_path / "late.h5").write_bytes(b"")
     require_files(tmp_path, manifest)
+
+
+@pytest.mark.parametrize(
+    ("direction_deg", "signed"), [(None, 2.0), (0.0, 2.0), (100.0, 2.0), (170.0, -2.0), (260.0, -2.0), (350.0, 2.0)]
+)
+def test_a_shift_in_a_direction_has_the_sign_of_its_larger_component(
+    direction_deg: float | None, signed: float
+) -> None:
+    """As sizes of diagnoses have: positive to the right and down, 90 deg being down."""
+    fault = PlantedFault("spatial_offset", "flow", 2.0, "px", direction_deg=direction_deg)
+    assert fault.signed_magnitude == pytest.approx(signed)

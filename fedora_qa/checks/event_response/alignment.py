@@ -83,16 +83,20 @@ blurs the correlation of a tile. Of faults at the upper end of the stated range,
 
 
 @dataclass(frozen=True, slots=True)
-class ShiftAxis(Feature):
-    """Direction of a shift of events against the frames.
+class EventShift(Feature):
+    """Shift of events against the frames: of the whole image, or one component of that of a part.
 
     Attributes
     ----------
-    axis
-        Along the columns (``right``) or along the rows (``down``).
+    right_px, down_px
+        In pixels of the event camera; 0 for the other component of a part.
+    errors_px
+        Standard errors of both.
     """
 
-    axis: Literal["right", "down"]
+    right_px: float
+    down_px: float
+    errors_px: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,9 +299,10 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         else:
             level_errors, bounds = open_level_errors(slopes, threshold)
             shift, errors = far.shift, np.maximum(far.errors_px, level_errors)
+        both = EventShift(shift.right_px, shift.down_px, (float(errors[0]), float(errors[1])))
         whole = (
-            self._whole("shift_right", shift.right_px, "right", float(errors[0]), float(bounds[0])),
-            self._whole("shift_down", shift.down_px, "down", float(errors[1]), float(bounds[1])),
+            self._whole("shift_right", shift.right_px, "right", float(errors[0]), float(bounds[0]), both),
+            self._whole("shift_down", shift.down_px, "down", float(errors[1]), float(bounds[1]), both),
         )
         of_tiles = self._tiles(state, threshold)
         field = self._of_tiles(of_tiles, bounds, facts)
@@ -399,6 +404,8 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
 
     def _part(self, rule: str, part: PartShift, bounds: Float64, where: Where, place: str) -> Statistic:
         word, error = _AXES[part.axis], part.standard_error_px
+        right, down = (float(part.axis == axis) for axis in (0, 1))
+        along = EventShift(right * part.shift_px, down * part.shift_px, (right * error, down * error))
         return Statistic(
             name=f"shift_in_a_{rule}",
             value=part.shift_px,
@@ -412,10 +419,12 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             "position in the rest.",
             code=f"event_response.alignment.{rule}",
             where=where,
-            features=(ShiftAxis(word),),
+            features=(along,),
         )
 
-    def _whole(self, name: str, value: float, word: Literal["right", "down"], error: float, bound: float) -> Statistic:
+    def _whole(
+        self, name: str, value: float, word: Literal["right", "down"], error: float, bound: float, both: EventShift
+    ) -> Statistic:
         return Statistic(
             name=name,
             value=value,
@@ -425,7 +434,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from the changes of the frames.",
             code="event_response.alignment.shift",
             where=Where(stream="events"),
-            features=(ShiftAxis(word),),
+            features=(both,),
         )
 
 
