@@ -177,9 +177,8 @@ def _with_first_undone(
     if None in remaining or gained < 0 or (gained == 0 and not is_hidden):
         return None
     windows = len(without.run.planned(without.run.ready))
-    amended = alone.explanation(
-        {**alone.trials, first: _with_others_undone(trial, set(explained) - remaining, windows)}
-    )
+    with_others = _with_others_undone(trial, explained, remaining, windows)
+    amended = alone.explanation({**alone.trials, first: with_others})
     return _in_turn(first, amended, rest, counterparts) if first in map(key_of, amended.diagnoses) else None
 
 
@@ -203,13 +202,17 @@ def _leaves_some(trial: UndoTrial, cause: Diagnosis, cleared: Collection[str], a
     return bool(trial.caused) or any(a.finding.id not in cleared and a.finding.id not in undecided for a in alarms)
 
 
-def _with_others_undone(trial: UndoTrial, explained: Collection[str], windows: int) -> UndoTrial:
-    """Return a trial as it is in all windows with the other faults undone, too: what it would explain is cleared.
+def _with_others_undone(
+    trial: UndoTrial, explained: Collection[str], remaining: Collection[str | None], windows: int
+) -> UndoTrial:
+    """Return a trial as it is in all windows with the other faults undone, too.
 
-    What it brought about were findings of the other faults, which it had hidden.
+    What it would explain is cleared, unless it remains. What it brought about were findings of the other faults, which
+    it had hidden.
     """
-    left = {finding: ratio for finding, ratio in trial.left.items() if finding not in explained}
-    cleared = trial.cleared.union(explained)
+    cleared = trial.cleared.union(explained).difference(remaining)
+    left = {finding: ratio for finding, ratio in trial.left.items() if finding not in cleared}
+    left |= {finding: left.get(finding, 1.0) for finding in explained if finding in remaining}
     return replace(trial, cleared=cleared, cleared_alone=trial.cleared, left=left, caused=(), windows=windows)
 
 
