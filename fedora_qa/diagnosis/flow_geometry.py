@@ -142,9 +142,11 @@ def _of_one_rate(rate: str, features: Sequence[Feature], facts: Facts) -> tuple[
         else hypothesis
         for hypothesis in convention_hypotheses(rate, trials, flow, share_off=share_off)
     ]
-    # Fields that repeat another, or that begin at depth that does, deviate for that reason.
+    # Fields that repeat another, or that begin at depth that does, deviate for that reason, unless a transform gives
+    # them exactly: the field of a lower rate repeats as well.
     repeated = (extent.repeats_of_flow + extent.repeats_of_depth) / max(extent.count, 1)
-    conventions = weakened(conventions, max(1 - repeated, 0.0))
+    if max((hypothesis.support for hypothesis in conventions), default=0.0) < _EXACT:
+        conventions = weakened(conventions, max(1 - repeated, 0.0))
     for stream, repeats in ((flow, extent.repeats_of_flow), ("depth", extent.repeats_of_depth)):
         if repeats:
             of_repeats = 1.0 if local else support("flow_geometry.repeats_of_most_off")

@@ -62,8 +62,9 @@ from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, Inertia
 
 Faults = Iterator[ReversibleFault]
 
-_FOLLOWS: Final = 0.5
-"""Least share of a deviation that two factors remove to be tried. The value is not derived: a trial decides."""
+_FOLLOWS: Final = 0.98
+"""Least share of a deviation that a factor for each axis removes to be tried: where it is the cause it leaves rounding,
+and two factors that fit another cause would clear more of it than one."""
 
 _ORDERS: Final = ("BGR", "RBG", "GRB", "GBR", "BRG")
 _MOST_ORDERS: Final = 2
