@@ -259,16 +259,19 @@ def contradicts(
 def _is_of_this_sequence(family: str, magnitude: float | None, results: Results) -> bool:
     """Whether a stream correlates with others, or deviates for a reason that another sequence has not."""
     of_frames = family in ("rgb", "events")
+    of_a_while = magnitude is not None and _follow_beside(magnitude, results.get("event_response.orientation"))
     # A whole that correlates says nothing of a while in which single changes do not.
-    while_apart = of_frames and (magnitude is not None or _failed(results.get("event_response.frames")))
+    while_apart = of_frames and (of_a_while or _failed(results.get("event_response.frames")))
     correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()) if not while_apart)
     if family in ("imu", "pose"):
         correlates |= _turns_alike(results.get("imu.rotation")) or _agrees_otherwise(results)
-    if family == "rgb" and magnitude is not None:
+    if family == "rgb" and of_a_while:
         # Of a share of the time: flow warps every frame, events correlate on the whole.
         correlates = _passed(results.get("flow_photometric.residual"))
     if of_frames and not while_apart:
         correlates |= _changes_alike(results.get("event_response.orientation"))
+        # A shift is stated only where events and frames correlate at it.
+        correlates |= _failed(results.get("event_response.alignment"))
         # Events without a sign follow no frames, of whatever sequence.
         correlates |= _has_finding(results.get("event_stream.bounds"), "event_stream.bounds.one_polarity")
     disturbed = any(_failed(results.get(check)) for check in _OWN.get(family, ()))
@@ -339,6 +342,14 @@ def _changes_alike(result: Result | None) -> bool:
         return False
     best = declared.value + (advantage.value or 0.0 if advantage is not None else 0.0)
     return declared.value > _CORRELATED_FROM * declared.standard_error or best > declared.expected / 2
+
+
+def _follow_beside(share_percent: float, result: Result | None) -> bool:
+    """Whether events follow the frames beside a share of the time, by at least half of what the rest would give."""
+    declared = measured(result, "correlation")
+    if declared is None or declared.value is None or declared.expected is None:
+        return True
+    return declared.value > declared.expected * (1 - share_percent / 100) / 2
 
 
 def _turns_alike(result: Result | None) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.diagnosis.vetoes import ClockPlace, Place, contradicts, places_of_clocks
-from fedora_qa.record.types import Finding, Measurement, Result, Where
+from fedora_qa.record.types import Finding, Measurement, Outcome, Result, Where
 from fedora_qa.sequence.facts import Facts, clock_of
 from tests.support.memory_sequence import MS, facts_of, memory_sequence
 
@@ -190,3 +190,20 @@ def test_a_whole_that_correlates_excludes_no_share_of_the_time(
     checks = "event_response.orientation", "flow_photometric.residual"
     results = {check: Result(check, "passed", "in order") for check in checks}
     assert contradicts("other_sequence", stream, share, results, {}) == is_contradicted
+
+
+@pytest.mark.parametrize(("correlation", "is_contradicted"), [(0.8, False), (0.16, True)])
+def test_another_sequence_for_a_while_leaves_the_correlation_of_the_rest(
+    correlation: float, *, is_contradicted: bool
+) -> None:
+    """Where events follow the frames nowhere much, a tenth of the time is not the reason."""
+    whole = Measurement("correlation", correlation, "1", 0.04, 0.96, 0.6, 0.7)
+    results = {"event_response.orientation": Result("event_response.orientation", "failed", "", (whole,))}
+    assert contradicts("other_sequence", "events", 10.0, results, {}) == is_contradicted
+
+
+@pytest.mark.parametrize(("outcome", "is_contradicted"), [("failed", True), ("not_observable", False)])
+def test_events_that_are_shifted_are_of_this_sequence(outcome: Outcome, *, is_contradicted: bool) -> None:
+    """Without a correlation at any shift none is stated."""
+    results = {"event_response.alignment": Result("event_response.alignment", outcome, "")}
+    assert contradicts("other_sequence", "events", None, results, {}) == is_contradicted
