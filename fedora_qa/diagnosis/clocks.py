@@ -257,7 +257,7 @@ def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]
                 Hypothesis("index_off_by_one", stream, support("index_maps.constant_shift"), size, "events", error)
             )
             # A shift begins at a frame: events were lost or doubled there after the map was made.
-            lasts = entries.begins_within and entries.reaches_end and not _is_denied_elsewhere(stream, entries, facts)
+            lasts = entries.begins_within and entries.reaches_end and not is_right_elsewhere(stream, entries, facts)
             if lasts and size is not None and abs(size) > 1:
                 # Entries that are too large count events that the stream no longer has.
                 cause = "dropped_samples" if size > 0 else "duplicated_samples"
@@ -284,7 +284,7 @@ def propose_frame_to_event(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]
     return tuple(hypotheses)
 
 
-def _is_denied_elsewhere(stream: str, entries: WrongEntries, facts: Facts) -> bool:
+def is_right_elsewhere(stream: str, entries: WrongEntries, facts: Facts) -> bool:
     """Whether another map is right where the entries of this one are wrong: its events were not changed, then."""
     start_ns = facts.clocks[entries.frames].times_ns[entries.rows[0]] if entries.frames in facts.clocks else 0
     for other, index_map in facts.index_maps.items():
@@ -292,7 +292,7 @@ def _is_denied_elsewhere(stream: str, entries: WrongEntries, facts: Facts) -> bo
         if other == stream or clock is None:
             continue
         length = min(len(index_map.stored), len(index_map.expected_left), len(clock.times_ns))
-        after = clock.times_ns[:length] > start_ns
+        after = clock.times_ns[:length] >= start_ns
         is_right = index_map.stored[:length] == index_map.expected_left[:length]
         if np.any(after) and np.all(is_right[after]):
             return True

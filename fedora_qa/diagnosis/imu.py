@@ -317,6 +317,9 @@ def convention_hypotheses(kind: MotionKind, convention: InertialConvention) -> t
         of_imu, of_pose = Hypothesis(cause, "imu", strength), Hypothesis("frame_convention", "pose", strength)
         if kind == "rotation":
             hypotheses.extend((of_imu, of_pose) if cause == "frame_convention" else (of_imu,))
+            if convention.sensor_axes == _OPPOSITE:
+                # The inverse of an attitude turns by -R w: near an attitude of no rotation by the opposite rates.
+                hypotheses.append(Hypothesis("quaternion_inverted", "pose", strength))
         else:
             is_world = convention.gravity == "reversed" or convention.up != declared.up
             # The mirrored axes of a sensor alone would be as well those of world and body.

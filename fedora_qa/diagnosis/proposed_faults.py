@@ -16,6 +16,7 @@ from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
 from fedora_qa.checks.integrity.finite import OutOfRange
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
+from fedora_qa.diagnosis.clocks import is_right_elsewhere
 from fedora_qa.diagnosis.declared_cameras import (
     film_focal_lengths,
     mounting_units,
@@ -222,7 +223,12 @@ def _index_shift(fit: FittedCause) -> Faults:
     if events := round(fit.size):
         of_map = [alarm for alarm in fit.alarms if alarm.finding.where.stream == fit.stream]
         for entries in (feature for alarm in of_map for feature in alarm.statistic.features):
-            if isinstance(entries, WrongEntries) and entries.begins_within:
+            # Where all maps are wrong alike, the events were changed behind them.
+            if (
+                isinstance(entries, WrongEntries)
+                and entries.begins_within
+                and is_right_elsewhere(fit.stream, entries, fit.facts)
+            ):
                 yield index_maps.IndexShift(fit.stream, events, entries.rows)
         yield index_maps.IndexShift(fit.stream, events)
 

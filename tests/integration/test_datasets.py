@@ -244,7 +244,7 @@ FAULTS: dict[str, tuple[str, str, Callable[[Array], Array], str, str]] = {
         "unknown",
     ),
     "poses of M3ED that are inverted": (
-        "m3ed", "falcon_pose_gt.h5:Cn_T_C0", np.linalg.inv, "depth.consistency", "other_sequence",
+        "m3ed", "falcon_pose_gt.h5:Cn_T_C0", np.linalg.inv, "depth.consistency", "frame_convention",
     ),
     "a map of MVSEC by another definition": (
         "mvsec", "flying1_data.hdf5:davis/left/image_raw_event_inds", lambda k: k + 1, "index_maps.rgb",
