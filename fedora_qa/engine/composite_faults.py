@@ -177,7 +177,14 @@ def _with_first_undone(
     if None in remaining or gained < 0 or (gained == 0 and not is_hidden):
         return None
     windows = len(without.run.planned(without.run.ready))
-    with_others = _with_others_undone(trial, explained, remaining, windows)
+    # What the other causes leave of each finding that remains.
+    ratios = {
+        identifier: ratio
+        for of_other in rest.trials.values()
+        for finding, ratio in of_other.left.items()
+        if (identifier := counterparts.get(finding)) in remaining and identifier is not None
+    }
+    with_others = _with_others_undone(trial, explained, remaining, ratios, windows)
     amended = alone.explanation({**alone.trials, first: with_others})
     return _in_turn(first, amended, rest, counterparts) if first in map(key_of, amended.diagnoses) else None
 
@@ -203,16 +210,20 @@ def _leaves_some(trial: UndoTrial, cause: Diagnosis, cleared: Collection[str], a
 
 
 def _with_others_undone(
-    trial: UndoTrial, explained: Collection[str], remaining: Collection[str | None], windows: int
+    trial: UndoTrial,
+    explained: Collection[str],
+    remaining: Collection[str | None],
+    ratios: Mapping[str, float],
+    windows: int,
 ) -> UndoTrial:
     """Return a trial as it is in all windows with the other faults undone, too.
 
-    What it would explain is cleared, unless it remains. What it brought about were findings of the other faults, which
-    it had hidden.
+    What it would explain is cleared, unless it remains, by a ratio of the deviation where trials of the others give it.
+    What it brought about were findings of the other faults, which it had hidden.
     """
     cleared = trial.cleared.union(explained).difference(remaining)
     left = {finding: ratio for finding, ratio in trial.left.items() if finding not in cleared}
-    left |= {finding: left.get(finding, 1.0) for finding in explained if finding in remaining}
+    left |= {f: ratios.get(f, left.get(f, 1.0)) for f in explained if f in remaining}
     return replace(trial, cleared=cleared, cleared_alone=trial.cleared, left=left, caused=(), windows=windows)
 
 
