@@ -118,7 +118,7 @@ def gather_candidates(
         # One fault shifts or scales in one direction: sizes of the sign with less support are left out, or replaced by
         # the best of the other sign for the same finding. Each check counts once, however many of its findings have a
         # size.
-        signs = {finding: (h.magnitude or 0.0) > 0 for finding, h in of_cause.items() if h.magnitude}
+        signs = {finding: bool(h.magnitude > 0) for finding, h in of_cause.items() if h.magnitude}
         support = {s: sum(of_cause[f].support * weights[f] for f in signs if signs[f] is s) for s in (True, False)}
         sign = support[True] >= support[False]
         of_one_sign = {

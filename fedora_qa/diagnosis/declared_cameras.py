@@ -6,6 +6,7 @@ than the others. Each such declaration states its own correction, which a trial 
 """
 
 from collections.abc import Mapping
+from itertools import permutations
 from math import hypot
 from types import MappingProxyType
 from typing import Final
@@ -58,6 +59,10 @@ _FILMS_MM: Final = (36.0, 20.955, 23.76)
 """Longer sides of films for which focal lengths are given in mm: of 35 mm photography and Blender; of USD and Isaac
 Sim; of Unreal."""
 
+_SAME_VIEW: Final = 1e-3
+"""Largest relative difference of the tangents of two views that are equal: focal lengths are stored with four digits at
+least."""
+
 _OPPOSITE_PERCENT: Final = -200.0
 """Excess of a focal length that has the opposite sign."""
 
@@ -94,6 +99,11 @@ def of_declared_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         for fault in opposite_focal_lengths(facts)
         if fault.camera is None or fault.camera in names
     ]  # fmt: skip
+    hypotheses += [
+        Hypothesis("intrinsics_focal", "metadata", support("metadata.view_of_other_side"), fault.magnitude, "percent")
+        for fault in views_of_other_sides(facts)
+        if fault.camera in names
+    ]
     odd = odd_mounting(facts)
     if odd is not None and odd.camera in names:
         of_odd = support("metadata.odd_mounting")
@@ -139,6 +149,32 @@ def other_sizes(facts: Facts) -> tuple[IntrinsicsOfSize, ...]:
         # Where both have one K, it is that of the image in the middle of which the principal point lies.
         and _from_middle(camera, camera) > _from_middle(camera, other)
     )
+
+
+def views_of_other_sides(facts: Facts) -> tuple[FocalLength, ...]:
+    """Return the focal lengths that may be made of a view along another side of the image: height, width or diagonal.
+
+    An angle of view gives f = (side / 2) / tan(view / 2). A camera whose view is that of another camera but for the
+    ratio of two of its own sides has it from the wrong side. Of three cameras or more it is the one that has not the
+    view of the others.
+    """
+    cameras = facts.declared.cameras
+    # Tangent of half of the view along the columns.
+    tangents = {
+        name: camera.width / (2 * float(camera.K[0, 0])) for name, camera in cameras.items() if camera.K[0, 0] > 0
+    }
+    faults = []
+    for name, tangent in tangents.items():
+        others = [other for other_name, other in tangents.items() if other_name != name]
+        if not others or any(abs(other / others[0] - 1) > _SAME_VIEW for other in others):
+            continue
+        width, height = cameras[name].width, cameras[name].height
+        sides = (width, height, hypot(width, height))
+        # f' = f side' / side, so that the tangent of the view is that of the others times side / side'.
+        ratios = {side / other for side, other in permutations(sides, 2)}
+        if any(abs(others[0] / tangent / ratio - 1) < _SAME_VIEW for ratio in ratios) and width != height:
+            faults.append(FocalLength("metadata", 100 * (others[0] / tangent - 1), name))
+    return tuple(faults)
 
 
 def film_focal_lengths(facts: Facts) -> tuple[FilmFocalLength, ...]:

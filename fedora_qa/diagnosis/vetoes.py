@@ -232,7 +232,7 @@ def contradicts(
     is_of_another_body = family == "pose" and cause in _ATTITUDE_CONVENTIONS and _turns_with_depth(results)
     # An offset that leaves a correlation is within reach of ``event_response.timing``, which states its size.
     is_unsized = cause in ("time_offset", "time_unit") and magnitude is None and family in ("rgb", "events")
-    is_within_reach = is_unsized and _changes_alike(results.get("event_response.orientation"))
+    is_within_reach = is_unsized and _events_follow(results)
     of_frames = cause == "time_offset" and family in ("events", "rgb")
     is_rounding = of_frames and _is_rounding_of_frames(magnitude, results)
     if is_off_grid or is_of_another_body or is_within_reach or is_rounding:
@@ -269,9 +269,7 @@ def _is_of_this_sequence(family: str, magnitude: float | None, results: Results)
         # Of a share of the time: flow warps every frame, events correlate on the whole.
         correlates = _passed(results.get("flow_photometric.residual"))
     if of_frames and not while_apart:
-        correlates |= _changes_alike(results.get("event_response.orientation"))
-        # A shift is stated only where events and frames correlate at it.
-        correlates |= _failed(results.get("event_response.alignment"))
+        correlates |= _events_follow(results)
         # Events without a sign follow no frames, of whatever sequence.
         correlates |= _has_finding(results.get("event_stream.bounds"), "event_stream.bounds.one_polarity")
     disturbed = any(_failed(results.get(check)) for check in _OWN.get(family, ()))
@@ -329,6 +327,13 @@ def _turns_with_depth(results: Results) -> bool:
     frames nor the gyro against the poses: it moves gravity alone.
     """
     return _passed(results.get("depth.consistency")) and _failed(results.get("imu.rotation"))
+
+
+def _events_follow(results: Results) -> bool:
+    """Whether events follow the frames in part, in another orientation or at a shift."""
+    # A shift is stated only where events and frames correlate at it.
+    is_shifted = _failed(results.get("event_response.alignment"))
+    return is_shifted or _changes_alike(results.get("event_response.orientation"))
 
 
 def _changes_alike(result: Result | None) -> bool:

@@ -9,7 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.causes import CAUSES
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.declared_cameras import film_focal_lengths, odd_mounting, of_declared_cameras
+from fedora_qa.diagnosis.declared_cameras import (
+    film_focal_lengths,
+    odd_mounting,
+    of_declared_cameras,
+    views_of_other_sides,
+)
 from fedora_qa.diagnosis.metadata import propose_cameras
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.judgement.judge import Alarm
@@ -167,6 +172,38 @@ def test_only_a_transposed_matrix_is_named() -> None:
 
     (hypothesis,) = propose_cameras(alarm(code), declared(facts, with_skew, ("rgb",)))
     assert hypothesis.cause == "unknown"
+
+
+def same_views(**scale: float) -> Facts:
+    """Facts of cameras of one view along the columns; of some the focal length is multiplied."""
+    facts = facts_of(memory_sequence())
+    cameras = {}
+    for name, camera in facts.declared.cameras.items():
+        K = camera.K.copy()
+        K[0, 0] = K[1, 1] = scale.get(name, 1.0) * camera.width / (2 * np.tan(np.deg2rad(30.0)))
+        cameras[name] = replace(camera, K=K)
+    return replace(facts, declared=replace(facts.declared, cameras=cameras))
+
+
+@pytest.mark.parametrize("side", ["height", "diagonal"])
+def test_a_view_along_another_side_is_undone(side: str) -> None:
+    """The angle along the columns was taken for that along the rows, or along the diagonal."""
+    camera = same_views().declared.cameras["events"]
+    sides = {"height": camera.height, "diagonal": np.hypot(camera.width, camera.height)}
+    facts = same_views(events=sides[side] / camera.width)
+    (fault,) = views_of_other_sides(facts)
+    assert fault.camera == "events"
+    undone = fault.undo(facts, memory_sequence()).declared
+    assert undone is not None
+    assert undone.cameras["events"].K[0, 0] == pytest.approx(camera.K[0, 0])
+    hypotheses = of_declared_cameras(alarm("event_response.alignment.shift"), facts)
+    assert ("intrinsics_focal", "metadata") in {(each.cause, each.stream) for each in hypotheses}
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.05])
+def test_other_views_are_those_of_no_side(factor: float) -> None:
+    """Neither cameras of one view, nor a focal length that is wrong by any number."""
+    assert views_of_other_sides(same_views(events=factor)) == ()
 
 
 def rig(**rotations_deg: tuple[float, float, float]) -> Facts:
