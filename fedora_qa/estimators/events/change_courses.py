@@ -133,9 +133,10 @@ def silent_tiles(moments: Float64) -> Bool:
         begin, length = runs[tile]
         covered[begin : begin + length] += 1
     together = covered > np.count_nonzero(silent) / 2
+    if np.count_nonzero(together) < FEWEST_INTERVALS:
+        return np.zeros(tiles, np.bool_)
     live = ~silent & (fires[together].mean(axis=0) > 1 / 2)
-    enough = np.count_nonzero(together) >= FEWEST_INTERVALS and live.any()
-    return silent if enough else np.zeros(tiles, np.bool_)
+    return silent if live.any() else np.zeros(tiles, np.bool_)
 
 
 def _longest_run(marked: Bool) -> tuple[int, int]:

@@ -68,6 +68,14 @@ def test_tiles_that_are_silent_for_a_while() -> None:
     assert np.flatnonzero(silent_tiles(moments(d, e))).tolist() == [12, 13, 14]
 
 
+def test_tiles_that_are_silent_at_different_times_are_none() -> None:
+    """They share no interval, in which the others could have events."""
+    d, e = changes()
+    for tile, first in ((12, 2), (13, 14), (14, 26)):
+        e[first : first + 10, tile] = 0.0
+    assert not silent_tiles(moments(d, e)).any()
+
+
 def test_noise_for_a_while_leaves_no_silent_tile() -> None:
     """Events of noise are there at one time alone, and the rest of the time lacks none."""
     d, e = changes()
