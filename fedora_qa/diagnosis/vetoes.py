@@ -331,9 +331,13 @@ def _turns_with_depth(results: Results) -> bool:
 
 def _events_follow(results: Results) -> bool:
     """Whether events follow the frames in part, in another orientation or at a shift."""
-    # A shift is stated only where events and frames correlate at it.
-    is_shifted = _failed(results.get("event_response.alignment"))
-    return is_shifted or _changes_alike(results.get("event_response.orientation"))
+    orientation = results.get("event_response.orientation")
+    correlation = measured(orientation, "correlation")
+    # A shift is stated only where events and frames correlate at it, which so few changes may do by chance that the
+    # whole shows nothing.
+    is_seen = correlation is not None and correlation.value is not None and correlation.value > 0
+    is_shifted = is_seen and _failed(results.get("event_response.alignment"))
+    return is_shifted or _changes_alike(orientation)
 
 
 def _changes_alike(result: Result | None) -> bool:

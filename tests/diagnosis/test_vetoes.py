@@ -202,8 +202,17 @@ def test_another_sequence_for_a_while_leaves_the_correlation_of_the_rest(
     assert contradicts("other_sequence", "events", 10.0, results, {}) == is_contradicted
 
 
-@pytest.mark.parametrize(("outcome", "is_contradicted"), [("failed", True), ("not_observable", False)])
-def test_events_that_are_shifted_are_of_this_sequence(outcome: Outcome, *, is_contradicted: bool) -> None:
-    """Without a correlation at any shift none is stated."""
-    results = {"event_response.alignment": Result("event_response.alignment", outcome, "")}
+@pytest.mark.parametrize(
+    ("outcome", "correlation", "is_contradicted"),
+    [("failed", 0.07, True), ("not_observable", 0.07, False), ("failed", -0.07, False), ("failed", None, False)],
+)
+def test_events_that_are_shifted_are_of_this_sequence(
+    outcome: Outcome, correlation: float | None, *, is_contradicted: bool
+) -> None:
+    """Without a correlation at any shift none is stated; where frames hardly change, one may be by chance."""
+    whole = Measurement("correlation", correlation, "1", 0.04, 0.96, 0.6, 0.7)
+    results = {
+        "event_response.alignment": Result("event_response.alignment", outcome, ""),
+        "event_response.orientation": Result("event_response.orientation", "failed", "", (whole,)),
+    }
     assert contradicts("other_sequence", "events", None, results, {}) == is_contradicted
