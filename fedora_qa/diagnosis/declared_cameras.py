@@ -31,7 +31,7 @@ from fedora_qa.faults.fault import signed_length
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.event_camera import AXES_AGREE, is_about_parallel
+from fedora_qa.views.camera_axes import AXES_AGREE, is_about_parallel
 
 _CAMERAS_OF_SUBJECT: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {

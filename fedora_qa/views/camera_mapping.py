@@ -7,7 +7,7 @@ from fedora_qa.estimators.depth.inverse_depth import DepthSteps
 from fedora_qa.geometry.lens import distorted, undistorted
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.event_camera import AXES_AGREE, CENTRES_AGREE_M, is_about_parallel, why_not_one_lens
+from fedora_qa.views.camera_axes import AXES_AGREE, CENTRES_AGREE_M, is_about_parallel, why_not_one_lens
 
 Float64 = NDArray[np.float64]
 

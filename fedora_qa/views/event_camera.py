@@ -1,6 +1,6 @@
 """Events of a window on the sensor, the step of their timestamps, and frames resampled to its pixels."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, Literal
 
@@ -18,6 +18,16 @@ from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
+from fedora_qa.views.camera_axes import (
+    AXES_AGREE,
+    CENTRES_AGREE_M,
+    differ_by_quarters,
+    is_identity,
+    look_apart,
+    turned_colour_camera,
+    turned_frame,
+    why_not_one_lens,
+)
 from fedora_qa.views.frames import clipped, is_large, luma_dn
 
 HALO_NS: Final = 30_000_000
@@ -34,15 +44,6 @@ WINDOW_NS: Final = NS_PER_S // 5
 
 GRID: Final = 4
 """Number of tiles of the event camera's image along each side, for local deviations."""
-
-CENTRES_AGREE_M: Final = 1e-6
-AXES_AGREE: Final = 1e-6
-
-_FARTHEST_ROTATION_RAD: Final = np.deg2rad(10.0)
-"""Rows of a camera are slanted lines in a camera that is rotated further."""
-
-_TURNS: Final = 4
-"""Quarter turns of a whole turn."""
 
 
 def all_events(window: Window) -> Events:
@@ -470,93 +471,11 @@ def why_frames_and_events_do_not_meet(facts: Facts, *, axes: Axes = "equal") -> 
             return (
                 "the cameras rgb and events do not share one centre; the check does not reproject frames through depth"
             )
-        turned = rgb.lens is event.lens is None and _differ_by_quarters(rgb, event, about=axes == "near")
+        turned = rgb.lens is event.lens is None and differ_by_quarters(rgb, event, about=axes == "near")
         if not difference[:3, :3].max() <= AXES_AGREE and not turned:
             return "the optical axes of the cameras rgb and events differ"
     # One lens images a ray at one point of both image planes, so that footprints need K alone.
     return why_not_one_lens(rgb, event, ("rgb", "events"))
-
-
-def is_about_parallel(camera1: Camera, camera2: Camera) -> bool:
-    """Whether the axes of two cameras differ by a rotation of 10 deg at most."""
-    R_second_first = camera2.T_body_camera[:3, :3].T @ camera1.T_body_camera[:3, :3]
-    return _is_small(R_second_first)
-
-
-def _differ_by_quarters(rgb: Camera, events: Camera, *, about: bool) -> bool:
-    """Whether the axes differ by quarter turns about the optical axis; ``about``: up to a rotation of 10 deg."""
-    R_rgb_events = rgb.T_body_camera[:3, :3].T @ events.T_body_camera[:3, :3]
-    rest = _quarters_about_z(quarter_turns(rgb, events)).T @ R_rgb_events
-    return _is_small(rest) if about else _is_identity(rest)
-
-
-def look_apart(declared: Declared) -> bool:
-    """Whether the declared axes of colour and event camera differ by more than 10 deg, beside ``quarter_turns``."""
-    rgb, events = declared.cameras["rgb"], declared.cameras["events"]
-    R_rgb_events = rgb.T_body_camera[:3, :3].T @ events.T_body_camera[:3, :3]
-    return _is_rotation(R_rgb_events) and not _differ_by_quarters(rgb, events, about=True)
-
-
-def quarter_turns(rgb: Camera, events: Camera) -> int:
-    """Return how many quarter turns, from x to y, bring the axes of the colour camera within 10 deg of those of events.
-
-    0 to 3; 0 where none do.
-    """
-    R_rgb_events = rgb.T_body_camera[:3, :3].T @ events.T_body_camera[:3, :3]
-    turned = (turns for turns in range(_TURNS) if _is_small(_quarters_about_z(turns).T @ R_rgb_events))
-    return next(turned, 0)
-
-
-def turned_colour_camera(declared: Declared) -> Camera:
-    """Return the colour camera after ``quarter_turns``: the camera of ``turned_frame``."""
-    camera = declared.cameras["rgb"]
-    turns = quarter_turns(camera, declared.cameras["events"])
-    K, width, height = camera.K, camera.width, camera.height
-    for _ in range(turns):
-        # After a quarter turn column u' is row v, and row v' is column W - 1 - u.
-        K = np.array([[K[1, 1], 0.0, K[1, 2]], [0.0, K[0, 0], width - 1 - K[0, 2]], [0.0, 0.0, 1.0]])
-        width, height = height, width
-    T_body_camera = camera.T_body_camera.copy()
-    T_body_camera[:3, :3] = T_body_camera[:3, :3] @ _quarters_about_z(turns)
-    return replace(camera, K=K, width=width, height=height, T_body_camera=T_body_camera) if turns else camera
-
-
-def turned_frame(window: Window, image: NDArray[Any]) -> NDArray[Any]:
-    """Return a colour frame (h, w, ...) as the colour camera sees it after ``quarter_turns``."""
-    cameras = window.facts.declared.cameras
-    turns = quarter_turns(cameras["rgb"], cameras["events"])
-    return np.ascontiguousarray(np.rot90(image, turns)) if turns else image
-
-
-def _quarters_about_z(turns: int) -> NDArray[np.float64]:
-    cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[turns]
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _is_rotation(R: NDArray[np.float64]) -> bool:
-    """Whether a matrix (3, 3), not a number where it is damaged, is orthogonal."""
-    return bool(np.abs(R @ R.T - np.eye(3)).max() <= AXES_AGREE)
-
-
-def _is_identity(R: NDArray[np.float64]) -> bool:
-    return bool(np.abs(R - np.eye(3)).max() <= AXES_AGREE)
-
-
-def _is_small(R: NDArray[np.float64]) -> bool:
-    """Whether a rotation is one of 10 deg at most."""
-    # The trace of a rotation is 1 + 2 cos(angle).
-    return _is_rotation(R) and bool(np.trace(R) >= 1 + 2 * np.cos(_FARTHEST_ROTATION_RAD))
-
-
-def why_not_one_lens(camera1: Camera, camera2: Camera, names: tuple[str, str]) -> str:
-    """Return why two cameras distort a ray differently, with their names in the sentence; empty where they do not."""
-    if camera1.lens == camera2.lens:
-        return ""
-    models = [each.lens.model if each.lens else "no distortion" for each in (camera1, camera2)]
-    return (
-        f"the cameras {names[0]} and {names[1]} have different lenses ({models[0]}, {models[1]}), whose images differ "
-        "by more than a scale; the check needs equal lenses"
-    )
 
 
 def _is_without_skew(camera: Camera) -> bool:
@@ -631,7 +550,7 @@ def _in_axes_of_events(
     rgb, events = turned_colour_camera(window.facts.declared), window.facts.declared.cameras["events"]
     luma, clipped_px = turned_frame(window, luma), turned_frame(window, clipped_px)
     R_rgb_events = rgb.T_body_camera[:3, :3].T @ events.T_body_camera[:3, :3]
-    if _is_identity(R_rgb_events) or look_apart(window.facts.declared):
+    if is_identity(R_rgb_events) or look_apart(window.facts.declared):
         return luma, clipped_px
     # u_rgb ~ K R_rgb_events K^-1 u (Hartley and Zisserman 2004, section 8.4).
     homography = rgb.K @ R_rgb_events @ np.linalg.inv(rgb.K)

@@ -26,7 +26,7 @@ from fedora_qa.estimators.images.samples import noise_variances
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import AXES_AGREE, CENTRES_AGREE_M, why_not_one_lens
+from fedora_qa.views.camera_axes import AXES_AGREE, CENTRES_AGREE_M, why_not_one_lens
 from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_intervals import Interval, PoseTrack, frame_at, motion_over, pose_track
 from fedora_qa.views.frames import luma_dn

@@ -24,9 +24,9 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.camera_axes import look_apart
 from fedora_qa.views.event_blocks import block_moments
 from fedora_qa.views.event_camera import (
-    look_apart,
     place_of_segment,
     place_of_tiles,
     why_frames_and_events_do_not_meet,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.sequence.declared import Camera, Declared
-from fedora_qa.views.event_camera import look_apart, quarter_turns, turned_colour_camera, turned_frame
+from fedora_qa.views.camera_axes import look_apart, quarter_turns, turned_colour_camera, turned_frame
 from tests.support.memory_sequence import memory_sequence
 
 ANGLES_DEG = st.floats(-180.0, 180.0)
