@@ -22,10 +22,18 @@ Written by `make study-foreign`, {date}: {files} correct files of {kinds} kinds,
 seeds of {width}x{height} pixels and {duration:g} s. Each kind is a transformation of a file of the reference
 generator. Publishers apply such transformations, and the file remains correct. `tests/benchmarks/foreign` implements
 them, and `tests/benchmarks/test_foreign_transformations.py` tests that each leaves a file correct. Nobody looks at
-the outcomes of held-out kinds while the checks are built.
+the outcomes of held-out kinds while the checks are built, with the exceptions below.
 
 | transformations | kinds | files | failed | share | true share, {confidence:.0%} | kinds that failed more than once |
 | --- | --- | --- | --- | --- | --- | --- |
+"""
+
+KNOWN_BEFORE: Final = """
+Not all held-out kinds were new to the checks:
+
+- Bitshuffle failed in an earlier run (10 of 250 held-out files, all of that kind). Since then it can be read.
+- Seven kinds were tried with `images.vignetting` alone while that check was built: flow through float16, every camera
+  cropped, flow at 10 Hz only, poses at 50 Hz, colour that begins late, the middle third, defaults left out.
 """
 
 TABLE: Final = """
@@ -61,6 +69,8 @@ def page(transformations: Sequence[Transformation], outcomes: Sequence[Outcome],
         if kinds:
             yield _total(title, [files[kind.name] for kind in kinds])
     yield f"\nGoal: at most {MOST_FAILURES:g} of the files fail, and no kind fails more than once.\n"
+    if groups["held out"]:
+        yield KNOWN_BEFORE
     for title, kinds in {"control": [kind for kind in transformations if kind == UNCHANGED], **groups}.items():
         if kinds:
             yield TABLE.format(title=title[0].upper() + title[1:])

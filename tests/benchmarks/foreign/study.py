@@ -1,4 +1,4 @@
-"""Checks more than a thousand correct files: ``python -m tests.benchmarks.foreign.study --all``, some hours.
+"""Checks more than a thousand correct files: ``python -m tests.benchmarks.foreign.study --all``, 20 minutes or more.
 
 Writes docs/foreign.md. What the checks said of a file is kept in out/foreign, so that an interrupted study goes on
 where it was; ``--fresh`` forgets it, as it must be after a change to the checks. Without ``--all`` the held-out third
