@@ -45,7 +45,7 @@ OUT ?= out
 # Every process that starts would compile all sources again, which takes 3 s, where the environment forbids to keep bytecode.
 unexport PYTHONDONTWRITEBYTECODE
 
-# The loops that checks call, which a first run compiles on all cores: fedora_qa/engine/kernels.json
+# The loops that checks call, which a first run compiles on all cores: fedora_qa/engine/compilation/kernels.json
 .PHONY: kernels
 kernels: $(READY)
 	@mkdir -p $(OUT)

@@ -10,9 +10,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.engine.executor import OpenFile, Worker
-from fedora_qa.engine.kernel_groups import listed_groups
-from fedora_qa.engine.kernels import compile_group
+from fedora_qa.engine.compilation.kernel_groups import listed_groups
+from fedora_qa.engine.compilation.kernels import compile_group
+from fedora_qa.engine.executors.executor import OpenFile, Worker
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
 from tests.support.handmade import write_handmade

@@ -25,12 +25,12 @@ from fedora_qa.cli.settings import check_options, settings_from, with_jobs
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE, START_TIME
 from fedora_qa.cli.summary import Detail, print_record
 from fedora_qa.config import LEAST_MEMORY_BYTES, CheckConfig
-from fedora_qa.engine.cluster import DaskExecutor
-from fedora_qa.engine.executor import COMPILE_GROUP, UNCOMPILED, Executor, InProcess, Task, opening_test
+from fedora_qa.engine.compilation.kernel_groups import KernelGroup, listed_groups
+from fedora_qa.engine.executors.cluster import DaskExecutor
+from fedora_qa.engine.executors.executor import COMPILE_GROUP, UNCOMPILED, Executor, InProcess, Task, opening_test
+from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.files import check_files
-from fedora_qa.engine.kernel_groups import KernelGroup, listed_groups
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
 from fedora_qa.errors import FedoraError, MisuseError
 from fedora_qa.evidence.options import EvidenceOptions

@@ -8,7 +8,7 @@ import click
 from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.engine.executor import Task, Worker
+from fedora_qa.engine.executors.executor import Task, Worker
 from fedora_qa.errors import MisuseError, UnreadableRowsError
 from fedora_qa.exporting.dsec import write_dsec
 from fedora_qa.exporting.tum import write_tum

@@ -11,7 +11,7 @@ from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import check_options, settings_from
-from fedora_qa.engine.executor import CHECK_WHOLE, Task, Worker, opening_test
+from fedora_qa.engine.executors.executor import CHECK_WHOLE, Task, Worker, opening_test
 from fedora_qa.engine.options import CheckOptions, Effort
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.extract.extract import CheckFinding, Extraction

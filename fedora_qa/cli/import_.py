@@ -10,7 +10,7 @@ from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.engine.executor import Task, Worker
+from fedora_qa.engine.executors.executor import Task, Worker
 from fedora_qa.importing.recording import Kind, Resolution
 from fedora_qa.importing.ros_bag import load_topics
 from fedora_qa.importing.run import Imported, ImportOptions, import_recording, recognise

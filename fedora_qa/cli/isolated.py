@@ -15,8 +15,8 @@ from pebble import ProcessExpired, ProcessPool
 
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
-from fedora_qa.engine.executor import Executor, InProcess, Task
-from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.executors.executor import Executor, InProcess, Task
+from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.errors import MisuseError, WorkerLostError
 from fedora_qa.storage.place import Place

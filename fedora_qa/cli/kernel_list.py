@@ -13,11 +13,11 @@ from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 
 from fedora_qa.catalogue import all_checks
-from fedora_qa.engine.executor import Task, Worker
-from fedora_qa.engine.kernel_groups import KERNELS_PATH, KernelGroup
-from fedora_qa.engine.kernels import kernel_of, text_of
+from fedora_qa.engine.compilation.kernel_groups import KERNELS_PATH, KernelGroup
+from fedora_qa.engine.compilation.kernels import kernel_of, text_of
+from fedora_qa.engine.executors.executor import Task, Worker
+from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.atomic import write_text

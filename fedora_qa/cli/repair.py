@@ -12,7 +12,7 @@ from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import check_options, settings_from
-from fedora_qa.engine.executor import Task, Worker, opening_test
+from fedora_qa.engine.executors.executor import Task, Worker, opening_test
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import staging_path

@@ -9,7 +9,7 @@ from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.settings import external_folders
-from fedora_qa.engine.executor import Task, Worker, opening_test
+from fedora_qa.engine.executors.executor import Task, Worker, opening_test
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.scoring.predictions import PredictionsForm

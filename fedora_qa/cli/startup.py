@@ -39,7 +39,7 @@ def preload_workers(arguments: Sequence[str]) -> None:
         and not options & _WITHOUT_WORKERS
         and IN_PROCESS_VARIABLE not in os.environ
     ):
-        from fedora_qa.engine.fork_server import begin_preloading  # noqa: PLC0415 - other commands need none of it
+        from fedora_qa.engine.executors.fork_server import begin_preloading  # noqa: PLC0415 - other commands need none of it
 
         begin_preloading(_selected(arguments))
 

@@ -19,7 +19,7 @@ from fedora_qa.cli.sequences import sequences_of
 from fedora_qa.cli.settings import external_folders
 from fedora_qa.comparison.tables import tables_to_latex
 from fedora_qa.config import parse_bytes
-from fedora_qa.engine.executor import Task, opening_test
+from fedora_qa.engine.executors.executor import Task, opening_test
 from fedora_qa.engine.tasks import FileStatistics, collect_statistics
 from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.record.markdown import escape, table_section

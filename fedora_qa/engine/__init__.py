@@ -5,12 +5,9 @@ In order of reading: ``options`` is how a file is checked. ``plan`` cuts a seque
 windows to checks and merges their states; ``assemble`` makes the record of a file from them, with ``outcomes``.
 ``progress`` is reported throughout.
 
-After that a file may be measured again in ``views`` of it (``altered``): ``canaries`` test the checks, and ``trials``
-with ``trial_evidence`` the causes, which ``cause_explanation`` and ``composite_faults`` name.
-
-``tasks`` does all of that for one file, in this process or in parts for others. An ``executor`` does tasks, which it
-names without loading them: in this process, in ``processes`` of this machine, or on a ``cluster``. ``file_work`` is one
+``trials`` measure a file again with a fault planted or undone. ``tasks`` does all of that for one file, in this
+process or in parts for others. ``executors`` do tasks, which they name without loading them. ``file_work`` is one
 file on its way through tasks, ``files`` deals out the tasks of several files, ``budget`` within a limit of time.
-Processes come from the ``fork_server``, which imports ``preload``, the checks, and ``preloaded``. ``kernels`` compiles
-loops before they are needed, and ``kernel_groups`` lists them.
+Processes are forked from one that imported ``preload``, the checks, and ``preloaded``. ``compilation`` compiles loops
+before they are needed.
 """

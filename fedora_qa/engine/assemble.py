@@ -10,15 +10,15 @@ import numpy as np
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check, Observation
-from fedora_qa.engine.altered import PlainRun
-from fedora_qa.engine.cause_explanation import CauseExplanation
 from fedora_qa.engine.measure import PassState, attempt, conclude, follow_up, merge_all
 from fedora_qa.engine.options import FileRun
 from fedora_qa.engine.outcomes import lost_windows, results_in_order
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.engine.progress import MEASURING, Progress, Stopwatch
 from fedora_qa.engine.survey import OpenSurvey, Prepared, Survey
-from fedora_qa.engine.views import SequenceViews
+from fedora_qa.engine.trials.altered import PlainRun
+from fedora_qa.engine.trials.explanation import CauseExplanation
+from fedora_qa.engine.trials.views import SequenceViews
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.evidence.options import EvidenceOptions
@@ -81,7 +81,7 @@ def assemble(
     causes = CauseExplanation()
     with watch.stage("diagnosis"):
         if alarms:
-            from fedora_qa.engine.composite_faults import name_causes  # noqa: PLC0415 - loads every fault
+            from fedora_qa.engine.trials.composite_faults import name_causes  # noqa: PLC0415 - loads every fault
 
             # Views decode rows for themselves.
             ready.decoder.leases.forget()
@@ -100,7 +100,7 @@ def assemble(
             of_pass = _evidence_of_pass(file.keeper, states, findings, ready, file.chosen, wanted, again)
             groups = [of_pass, kept, distributions_of(file.distributions, states, facts)]
             if alarms:
-                from fedora_qa.engine.trial_evidence import keep_trials  # noqa: PLC0415 - loads every fault
+                from fedora_qa.engine.trials.evidence import keep_trials  # noqa: PLC0415 - loads every fault
 
                 of_trials = partial(keep_trials, diagnoses, causes.trials, causes.benches, wanted)
                 groups.append(attempt(states, file.keeper.name, of_trials) or TitledArrays())
@@ -109,7 +109,7 @@ def assemble(
     results = results_in_order(survey.checks, judged, states, survey.reasons)
     canaries: tuple[Canary, ...] = ()
     if options.canary:
-        from fedora_qa.engine.canaries import held_to_canaries, prove_alive  # noqa: PLC0415 - loads every fault
+        from fedora_qa.engine.trials.canaries import held_to_canaries, prove_alive  # noqa: PLC0415 - loads every fault
 
         with watch.stage("canaries"):
             proofs = prove_alive(survey.checks, results, plain, progress)

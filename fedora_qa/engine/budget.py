@@ -20,7 +20,7 @@ from math import inf
 from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.executor import (
+from fedora_qa.engine.executors.executor import (
     FINISH_FILE,
     MEASURE_WINDOWS,
     SURVEY_FILE,

@@ -8,7 +8,15 @@ from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
-from fedora_qa.engine.executor import CHECK_WHOLE, FINISH_FILE, MEASURE_WINDOWS, SURVEY_FILE, Kept, Task, opening_test
+from fedora_qa.engine.executors.executor import (
+    CHECK_WHOLE,
+    FINISH_FILE,
+    MEASURE_WINDOWS,
+    SURVEY_FILE,
+    Kept,
+    Task,
+    opening_test,
+)
 from fedora_qa.engine.options import DIED_TWICE, ENDLESS, CheckOptions, FileRun, lost_file
 from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.storage.place import Place

@@ -6,7 +6,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
-from fedora_qa.engine.executor import Executor
+from fedora_qa.engine.executors.executor import Executor
 from fedora_qa.engine.file_work import FileWork, WorkStep
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import ProgressTally, Report

@@ -17,8 +17,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from numba.core.registry import cpu_target  # noqa: E402
 from numcodecs import blosc  # noqa: E402
 
-import fedora_qa.engine.kernels  # noqa: E402
-import fedora_qa.engine.processes  # noqa: E402
+import fedora_qa.engine.compilation.kernels  # noqa: E402
+import fedora_qa.engine.executors.processes  # noqa: E402
 import fedora_qa.engine.tasks  # noqa: E402, F401
 
 # The codec of images creates a lock that it never takes without threads. If each worker created its own, the tracker of

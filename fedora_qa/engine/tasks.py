@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.catalogue import select_checks
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.assemble import assemble, distributions_of
-from fedora_qa.engine.executor import Kept, OpenFile, Worker
+from fedora_qa.engine.executors.executor import Kept, OpenFile, Worker
 from fedora_qa.engine.file_work import PackedSurvey
 from fedora_qa.engine.measure import Accumulator, PassState, attempt, measure
 from fedora_qa.engine.options import CheckOptions, FileRun

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.engine.executor import Executor, Task, Worker, opening_test
+from fedora_qa.engine.executors.executor import Executor, Task, Worker, opening_test
 from fedora_qa.engine.progress import quiet
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError, WorkerLostError
 from fedora_qa.gating.policy import Policy, each_stream

@@ -265,7 +265,7 @@ class Window:
     def derived(self, compute: Callable[Concatenate["Window", P], T], *args: P.args, **kwargs: P.kwargs) -> T:
         """Return a result, computed once and shared by all checks of this window.
 
-        Views of the sequence share it as well, where nothing differs that was read for it (``engine/views.py``).
+        Views of the sequence share it as well, where nothing differs that was read for it (``engine/trials/views.py``).
 
         Parameters
         ----------

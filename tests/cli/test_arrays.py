@@ -12,7 +12,7 @@ from fedora_qa.cli.arrays import ArrayStore
 from fedora_qa.cli.check import Request, check_all
 from fedora_qa.cli.record import evidence_arrays
 from fedora_qa.config import CheckConfig
-from fedora_qa.engine.executor import InProcess
+from fedora_qa.engine.executors.executor import InProcess
 from fedora_qa.engine.options import CheckOptions, FileRun
 from tests.support.records import file_record, passed
 

@@ -17,6 +17,7 @@ VIOLATIONS = {
     "measurements-name-no-cause": ("fedora_qa/estimators/planted.py", "import fedora_qa.causes"),
     "record-without-arrays": ("fedora_qa/record/planted.py", "import numpy"),
     "layers": ("fedora_qa/checks/planted.py", "import fedora_qa.engine"),
+    "engine-layers": ("fedora_qa/engine/trials/planted.py", "import fedora_qa.engine.tasks"),
     "independent-subjects": ("fedora_qa/checks/depth/planted.py", "import fedora_qa.checks.images.order"),
     "no-graphics": ("fedora_qa/sequence/planted.py", "import pyvista"),
 }

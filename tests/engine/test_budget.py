@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.engine.budget import visiting_order
-from fedora_qa.engine.executor import FINISH_FILE, MEASURE_WINDOWS, Executor, InProcess, Task
+from fedora_qa.engine.executors.executor import FINISH_FILE, MEASURE_WINDOWS, Executor, InProcess, Task
+from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import EFFORTS, FEWEST_WINDOWS
-from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import Progress, ProgressTally
 from fedora_qa.errors import WorkerLostError
 from fedora_qa.record.types import Coverage

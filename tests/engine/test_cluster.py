@@ -12,9 +12,9 @@ import dask
 import pytest
 from distributed import LocalCluster
 
-from fedora_qa.engine import cluster as cluster_module
-from fedora_qa.engine.cluster import DaskExecutor
-from fedora_qa.engine.executor import InProcess, Task
+from fedora_qa.engine.executors import cluster as cluster_module
+from fedora_qa.engine.executors.cluster import DaskExecutor
+from fedora_qa.engine.executors.executor import InProcess, Task
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from fedora_qa.engine.executor import OpenFile
+from fedora_qa.engine.executors.executor import OpenFile
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import OpenSurvey, Survey, survey_file

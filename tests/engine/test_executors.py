@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from fedora_qa.engine.executor import Executor, InProcess, Kept, Task
-from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.executors.executor import Executor, InProcess, Kept, Task
+from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
 from fedora_qa.errors import EndlessError, WorkerLostError
 from tests.support import tasks

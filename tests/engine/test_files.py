@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.engine.executor import OPEN_AND_CLOSE, SURVEY_FILE, Executor, InProcess, Task, opening_test
+from fedora_qa.engine.executors.executor import OPEN_AND_CLOSE, SURVEY_FILE, Executor, InProcess, Task, opening_test
+from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.file_work import WorkQueue
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import Progress, ProgressTally
 from fedora_qa.errors import EndlessError, MisuseError
 from fedora_qa.storage.place import RemoteFile

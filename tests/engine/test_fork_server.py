@@ -14,10 +14,10 @@ import pytest
 from fedora_qa.catalogue import CATALOGUE
 from fedora_qa.check_names import subject_of
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE, preload_workers
-from fedora_qa.engine import fork_server
-from fedora_qa.engine.executor import Task
-from fedora_qa.engine.fork_server import preloaded_modules, start_method
-from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.executors import fork_server
+from fedora_qa.engine.executors.executor import Task
+from fedora_qa.engine.executors.fork_server import preloaded_modules, start_method
+from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
 from tests.support import tasks
 from tests.support.handmade import write_handmade

@@ -13,11 +13,11 @@ from numba.core.dispatcher import Dispatcher
 
 from fedora_qa.cli.check import COMPILING, compile_for
 from fedora_qa.cli.kernel_list import called_by, groups_of
-from fedora_qa.engine import kernels
-from fedora_qa.engine.executor import InProcess, OpenFile, Task, Worker, opening_test
-from fedora_qa.engine.kernel_groups import KernelGroup, listed_groups
-from fedora_qa.engine.kernels import compile_group, kernel_of, text_of, type_of, uncompiled
-from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.compilation import kernels
+from fedora_qa.engine.compilation.kernel_groups import KernelGroup, listed_groups
+from fedora_qa.engine.compilation.kernels import compile_group, kernel_of, text_of, type_of, uncompiled
+from fedora_qa.engine.executors.executor import InProcess, OpenFile, Task, Worker, opening_test
+from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
 from tests.support.all_checks import CHECKS
 from tests.support.handmade import write_handmade

@@ -8,12 +8,12 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.engine.executor import InProcess
+from fedora_qa.engine.executors.executor import InProcess
+from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.tasks import check_file
-from fedora_qa.engine.trial_evidence import _worst_by_size
+from fedora_qa.engine.trials.evidence import _worst_by_size
 from tests.engine.test_trials import negate_flow
 from tests.support.identical import identical
 from tests.support.planters import bias_gyro, delay_events

@@ -17,16 +17,16 @@ from fedora_qa.diagnosis.conclusion import UndoTrial
 from fedora_qa.diagnosis.diagnose import rank_candidates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.vetoes import ClockPlace, places_of_clocks
-from fedora_qa.engine.altered import PlainRun
-from fedora_qa.engine.executor import InProcess
+from fedora_qa.engine.executors.executor import InProcess
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.measure import conclude
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import Survey, opened, survey_file
 from fedora_qa.engine.tasks import check_file, measure_open
-from fedora_qa.engine.trials import TrialBench, run_trials
-from fedora_qa.engine.views import SequenceViews
+from fedora_qa.engine.trials.altered import PlainRun
+from fedora_qa.engine.trials.trial import TrialBench, run_trials
+from fedora_qa.engine.trials.views import SequenceViews
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.pixels import Mirroring

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from fedora_qa.checks.protocol import Check, Observation
-from fedora_qa.engine.altered import PlainRun
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.measure import PassState, conclude, measure
 from fedora_qa.engine.outcomes import why_not_applicable
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import Prepared, prepare
-from fedora_qa.engine.views import SequenceViews
+from fedora_qa.engine.trials.altered import PlainRun
+from fedora_qa.engine.trials.views import SequenceViews
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import ThresholdMisdeclared
 from fedora_qa.faults.fault import Fault, FaultySequence, ReversibleFault

@@ -14,9 +14,9 @@ import pytest
 from fedora_qa.checks.imu.timing import ImuTiming
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.cli.main import run
-from fedora_qa.engine import canaries
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
+from fedora_qa.engine.trials import canaries
 from fedora_qa.faults.fault import Fault
 from fedora_qa.record.types import Canary, FileRecord
 from fedora_qa.sequence.facts import Facts

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.config import RULESET_VERSION
-from fedora_qa.engine.executor import OpenFile, Worker
+from fedora_qa.engine.executors.executor import OpenFile, Worker
 from fedora_qa.gating.contents import Contents, read_contents
 from fedora_qa.gating.policy import Bounds, Policy
 from fedora_qa.gating.release import Release

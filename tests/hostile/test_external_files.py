@@ -9,9 +9,9 @@ import pytest
 
 from fedora_qa.api.check import check
 from fedora_qa.cli.main import run
+from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import FileRecord
 from fedora_qa.sequence.sequence import open_sequence

@@ -15,7 +15,7 @@ def measured_record(path: Path, *select: str) -> FileRecord:
 
     No proposed fault is undone and no evidence is collected: both follow the results, and alter none.
     """
-    with patch("fedora_qa.engine.composite_faults.run_trials", return_value={}):
+    with patch("fedora_qa.engine.trials.composite_faults.run_trials", return_value={}):
         return check_file(path, CheckOptions(select=select, evidence=None)).record
 
 

@@ -4,7 +4,7 @@ import pickle
 from concurrent.futures import Future
 from typing import Any
 
-from fedora_qa.engine.executor import InProcess, Kept, OpenFile, Task, Worker
+from fedora_qa.engine.executors.executor import InProcess, Kept, OpenFile, Task, Worker
 from fedora_qa.engine.file_work import PackedSurvey
 from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import WorkerLostError

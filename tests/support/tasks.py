@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from fedora_qa.engine.executor import Kept, Worker
+from fedora_qa.engine.executors.executor import Kept, Worker
 
 
 def count(to: int, worker: Worker) -> tuple[int, int]:

@@ -27,8 +27,8 @@ from uuid import uuid4
 
 from pebble import ProcessExpired, ProcessPool
 
-from fedora_qa.engine.executor import OpenFile, Task, Worker
-from fedora_qa.engine.fork_server import worker_context
+from fedora_qa.engine.executors.executor import OpenFile, Task, Worker
+from fedora_qa.engine.executors.fork_server import worker_context
 from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import EndlessError, WorkerLostError
 

@@ -17,8 +17,8 @@ from fedora_qa.checks.protocol import Observation
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.conclusion import DeviationChange, UndoTrial
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.engine.altered import PlainRun
-from fedora_qa.engine.trials import TrialBench, check_of
+from fedora_qa.engine.trials.altered import PlainRun
+from fedora_qa.engine.trials.trial import TrialBench, check_of
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.pictures import block_px, mean_values
 from fedora_qa.evidence.snapshot import (

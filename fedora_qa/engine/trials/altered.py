@@ -13,7 +13,7 @@ from fedora_qa.engine.options import Effort
 from fedora_qa.engine.plan import cut_windows, make_plan, sampling_of, window_length_ns
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import Prepared, frame_pixels
-from fedora_qa.engine.views import SequenceViews
+from fedora_qa.engine.trials.views import SequenceViews
 from fedora_qa.faults.fault import Fault, FaultySequence
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.layout.canonical import spec_of

@@ -8,7 +8,7 @@ from fedora_qa.record.types import Diagnosis
 
 if TYPE_CHECKING:  # loads every fault
     from fedora_qa.diagnosis.conclusion import UndoTrial
-    from fedora_qa.engine.trials import TrialBench
+    from fedora_qa.engine.trials.trial import TrialBench
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # loads HDF5
     from fedora_qa.layout.dialect import DialectChoice
 
 _TASKS: Final = "fedora_qa.engine.tasks"
-_KERNELS: Final = "fedora_qa.engine.kernels"
+_KERNELS: Final = "fedora_qa.engine.compilation.kernels"
 
 _OPENING_S: Final = 60.0
 """A file opens in hundredths of a second, over a slow network in some seconds."""

@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from fedora_qa.code_digest import code_digest
-from fedora_qa.engine.executor import Kept, OpenFile, Task, Worker
+from fedora_qa.engine.executors.executor import Kept, OpenFile, Task, Worker
 from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import FedoraError, MisuseError, WorkerLostError
 

@@ -21,10 +21,10 @@ from fedora_qa.diagnosis.diagnose import choose_causes, key_of, rank_candidates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.diagnosis.vetoes import ClockPlace, places_of_clocks
-from fedora_qa.engine.altered import PlainRun
-from fedora_qa.engine.cause_explanation import CauseExplanation
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.trials import TrialBench, run_trials
+from fedora_qa.engine.trials.altered import PlainRun
+from fedora_qa.engine.trials.explanation import CauseExplanation
+from fedora_qa.engine.trials.trial import TrialBench, run_trials
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.judgement.materiality import Materiality
 from fedora_qa.record.types import Diagnosis

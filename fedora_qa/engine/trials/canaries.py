@@ -15,11 +15,11 @@ import numpy as np
 
 from fedora_qa.catalogue import canary_of
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.altered import PlainRun, WindowPass, growing
 from fedora_qa.engine.measure import PassState, attempt
 from fedora_qa.engine.outcomes import crashed_result
 from fedora_qa.engine.plan import sees_every_window
 from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.trials.altered import PlainRun, WindowPass, growing
 from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, PlantCanary, UnplantableError
 from fedora_qa.faults.fault import Fault
 from fedora_qa.record.types import Canary, Outcome, Result

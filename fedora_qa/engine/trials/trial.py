@@ -20,9 +20,9 @@ from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
 from fedora_qa.diagnosis.conclusion import HALF, DeviationChange, UndoTrial
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.diagnosis.vetoes import ClockPlace, contradicts
-from fedora_qa.engine.altered import PlainRun, WindowPass
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
+from fedora_qa.engine.trials.altered import PlainRun, WindowPass
 from fedora_qa.faults.fault import Fault, ReversibleFault
 from fedora_qa.judgement.judge import Alarm, Judged, judge
 from fedora_qa.judgement.materiality import Materiality

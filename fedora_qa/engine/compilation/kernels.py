@@ -18,8 +18,8 @@ from numba.core import registry, types
 from numba.core.dispatcher import Dispatcher
 from numba.core.sigutils import normalize_signature
 
-from fedora_qa.engine.executor import Worker
-from fedora_qa.engine.kernel_groups import KernelGroup, TypeText
+from fedora_qa.engine.compilation.kernel_groups import KernelGroup, TypeText
+from fedora_qa.engine.executors.executor import Worker
 from fedora_qa.record.atomic import write_text
 
 
