@@ -7,7 +7,7 @@ than the others. Each such declaration states its own correction, which a trial 
 
 from collections.abc import Mapping
 from itertools import permutations
-from math import hypot
+from math import atan, hypot, tan
 from types import MappingProxyType
 from typing import Final
 
@@ -101,7 +101,7 @@ def of_declared_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     ]  # fmt: skip
     hypotheses += [
         Hypothesis("intrinsics_focal", "metadata", support("metadata.view_of_other_side"), fault.magnitude, "percent")
-        for fault in views_of_other_sides(facts)
+        for fault in other_views(facts)
         if fault.camera in names
     ]
     odd = odd_mounting(facts)
@@ -151,12 +151,14 @@ def other_sizes(facts: Facts) -> tuple[IntrinsicsOfSize, ...]:
     )
 
 
-def views_of_other_sides(facts: Facts) -> tuple[FocalLength, ...]:
-    """Return the focal lengths that may be made of a view along another side of the image: height, width or diagonal.
+def other_views(facts: Facts) -> tuple[FocalLength, ...]:
+    """Return the focal lengths that may be made of an angle of view by a wrong formula.
 
     An angle of view gives f = (side / 2) / tan(view / 2). A camera whose view is that of another camera but for the
-    ratio of two of its own sides has it from the wrong side. Of three cameras or more it is the one that has not the
-    view of the others.
+    ratio of two of its own sides has it from the wrong side: height, width or diagonal. Where its view is twice or half
+    that of the other camera, the angle was not halved, or was halved twice; where the tangent is the reciprocal, f was
+    multiplied by it. Of three cameras or more it is the one that has not the view of the others. Views whose tangents
+    have the ratio two are left out: so are those of an image and of its half.
     """
     cameras = facts.declared.cameras
     # Tangent of half of the view along the columns.
@@ -171,8 +173,9 @@ def views_of_other_sides(facts: Facts) -> tuple[FocalLength, ...]:
         width, height = cameras[name].width, cameras[name].height
         sides = (width, height, hypot(width, height))
         # f' = f side' / side, so that the tangent of the view is that of the others times side / side'.
-        ratios = {side / other for side, other in permutations(sides, 2)}
-        if any(abs(others[0] / tangent / ratio - 1) < _SAME_VIEW for ratio in ratios) and width != height:
+        ratios = {side / other for side, other in permutations(sides, 2)} if width != height else set()
+        ratios |= {tan(factor * atan(tangent)) / tangent for factor in (0.5, 2.0)} | {1 / tangent**2}
+        if any(abs(others[0] / tangent / ratio - 1) < _SAME_VIEW for ratio in ratios):
             faults.append(FocalLength("metadata", 100 * (others[0] / tangent - 1), name))
     return tuple(faults)
 

@@ -12,6 +12,7 @@ from fedora_qa.checks.flow_events.sharpness import SharpestFlow
 from fedora_qa.checks.flow_photometric.rate_statistics import RateResidual, TemplateExplanation
 from fedora_qa.checks.flow_rates.composition import COPIES, RatePairsOff
 from fedora_qa.diagnosis.hypothesis import Hypothesis, most_probable, support, support_of_extent, weakened
+from fedora_qa.diagnosis.measured_sizes import MS_PER_PERCENT_OF_S
 from fedora_qa.faults.units import LENGTHS, frame_period_s, length_of_flow_px
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz
@@ -109,8 +110,6 @@ _FEW_FIELDS: Final = 0.5
 _LARGEST_SHIFT_PX: Final = 10.0
 """Largest shift, px, for which the slopes of a flow predict its values."""
 
-_MS_PER_PERCENT_OF_S: Final = 10.0
-
 _LINEAR: Final = 1 / 3
 """Share of the largest size of a fault up to which tiles, with a capture range of 3 to 4 px, follow its template."""
 
@@ -121,6 +120,10 @@ _FAULT_OF_TEMPLATE: Final = MappingProxyType({
     "time": ("time_offset", "ms", 50.0),
 })  # fmt: skip
 """Cause, unit and largest size; beyond it the template, a derivative, does not apply."""
+
+_NEARLY_ALL: Final = 0.9
+"""Least share of the squared residuals that a template of one number explains for it to apply at any size. One number
+explains no such share of a deviation of another kind."""
 
 _DISPLACED_AGAINST_FRAMES: Final = tuple(
     (cause, stream)
@@ -420,9 +423,10 @@ def _template_hypotheses(
     for name, (cause, unit, largest) in _FAULT_OF_TEMPLATE.items():
         sizes = np.array(templates[name].sizes)
         # The template of time is in percent of the interval (1% of 1 s is 10 ms), others in the unit of their cause.
-        scale = _MS_PER_PERCENT_OF_S * rate.interval_s if name == "time" else 1.0
+        scale = MS_PER_PERCENT_OF_S * rate.interval_s if name == "time" else 1.0
         size = _signed_norm(scale * sizes)
-        if abs(size) <= _LINEAR * largest:
+        explains_alone = len(sizes) == 1 and templates[name].explained_share > _NEARLY_ALL
+        if explains_alone or abs(size) <= _LINEAR * largest:
             # Occam's razor: each further fitted number explains some of any deviation by chance.
             simplicity = support("flow_photometric.further_number") ** len(sizes)
             share = simplicity * templates[name].explained_share / rate.explained_share

@@ -9,12 +9,20 @@ import numpy as np
 from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
 from fedora_qa.faults.fault import Vector3, signed_length
 from fedora_qa.judgement.judge import Alarm
-from fedora_qa.layout.canonical import is_flow_stream
+from fedora_qa.layout.canonical import flow_rate_hz, is_flow_stream
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.facts import Facts
 
 _FEWEST_FRAMES: Final = 3
 """Least number of frames for a period."""
+
+_FEWEST_RATES: Final = 2
+"""Rates of flow that must state one offset: any number fits one rate."""
+
+_AGREE: Final = 3.0
+"""Standard errors within which a rate agrees with the mean of all: one of three rates is outside in 1% of files."""
+
+MS_PER_PERCENT_OF_S: Final = 10.0
 
 Results = Mapping[str, Result]
 """Results of a file, by check."""
@@ -51,6 +59,43 @@ def vector(group: str, result: Result | None) -> Vector3 | None:
     if measured(result, f"{group}_x") is None:
         return None
     return deviation(result, f"{group}_x"), deviation(result, f"{group}_y"), deviation(result, f"{group}_z")
+
+
+def flow_offset_ms(results: Results) -> tuple[float, float] | None:
+    """Return the offset of the flow against the frames on which its rates agree, ms, with its standard error.
+
+    The photometric fit of each rate states it in percent of the interval of that rate. Flow of another motion has no
+    offset that several rates share.
+
+    Parameters
+    ----------
+    results
+        Of the file, by check.
+
+    Returns
+    -------
+    tuple or None
+        The mean weighted by precision; None where fewer than two rates state an offset, none of them exceeds its limit,
+        or they disagree.
+    """
+    result = results.get("flow_photometric.residual")
+    rates = dict.fromkeys(m.name.partition(" ")[0] for m in result.measurements) if result is not None else {}
+    offsets_ms, errors_ms, exceeds = [], [], False
+    for rate in rates:
+        offset = measured(result, f"{rate} time")
+        if offset is None or offset.value is None or not offset.standard_error or offset.limit is None:
+            continue
+        # One percent of an interval of 1 / rate seconds, in ms.
+        percent_ms = MS_PER_PERCENT_OF_S / flow_rate_hz(rate)
+        offsets_ms.append(percent_ms * offset.value)
+        errors_ms.append(percent_ms * offset.standard_error)
+        exceeds |= abs(offset.value) > offset.limit
+    if len(offsets_ms) < _FEWEST_RATES or not exceeds:
+        return None
+    weights = 1 / np.square(errors_ms)
+    mean_ms = float(np.average(offsets_ms, weights=weights))
+    agree = np.all(np.abs(np.array(offsets_ms) - mean_ms) < _AGREE * np.array(errors_ms))
+    return (mean_ms, float(1 / np.sqrt(weights.sum()))) if agree else None
 
 
 def flow_vector(group: str, components: tuple[str, ...], stream: str, results: Results) -> tuple[float, ...]:

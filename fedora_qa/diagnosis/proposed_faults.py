@@ -24,8 +24,8 @@ from fedora_qa.diagnosis.declared_cameras import (
     odd_mounting,
     opposite_focal_lengths,
     other_sizes,
+    other_views,
     transposed,
-    views_of_other_sides,
 )
 from fedora_qa.diagnosis.flow import fractions_of_px
 from fedora_qa.diagnosis.measured_sizes import (
@@ -450,7 +450,7 @@ def _focal_length(fit: FittedCause) -> Faults:
         yield from opposite_focal_lengths(fit.facts)
         yield from film_focal_lengths(fit.facts)
         yield from other_sizes(fit.facts)
-        yield from views_of_other_sides(fit.facts)
+        yield from other_views(fit.facts)
     for best in islice(_camera_errors(fit, FOCAL_MODELS), 1):
         # Events whose image is wider by k: f' = f / (1 + k) of the event camera, or f' = f (1 + k) of that of colour.
         wider = [1 + gain for gain in best.focal_gains]

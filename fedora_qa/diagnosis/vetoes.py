@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.causes import stream_family
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
-from fedora_qa.diagnosis.measured_sizes import Results, measured
+from fedora_qa.diagnosis.measured_sizes import Results, flow_offset_ms, measured
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.facts import Facts
@@ -111,6 +111,10 @@ _TURNS_ALIKE_PERCENT: Final = 10.0
 """Largest error of the gain of the gyro, with its limit, at which IMU and poses are of one flight. The gain against an
 unrelated motion is 0, and the limit, in which the residual counts, is as large as the error. An unrelated motion for a
 share of the time has that share of both."""
+
+_SAME_OFFSET: Final = 0.1
+"""Largest relative difference of an offset of flow from the one on which its rates agree. Motion that does not change
+evenly curves the template of time: three rates of a file with 54 ms state 52 to 55 ms."""
 
 _CORRELATED_FROM: Final = 3.1
 """Standard errors of a positive correlation by which an unrelated stream exceeds 0 with a probability of 0.001."""
@@ -229,6 +233,8 @@ def contradicts(
         return _is_of_this_sequence(family, magnitude, results)
     offset_ms = magnitude if cause == "time_offset" else None
     is_off_grid = cause in ("time_offset", "clock_rate") and family in places and places[family].excludes(offset_ms)
+    # Flow of another time under timestamps that are right is late, whatever grid these lie on.
+    is_off_grid &= not (family == "flow" and offset_ms is not None and _is_offset_of_flow(offset_ms, results))
     is_of_another_body = family == "pose" and cause in _ATTITUDE_CONVENTIONS and _turns_with_depth(results)
     # An offset that leaves a correlation is within reach of ``event_response.timing``, which states its size.
     is_unsized = cause in ("time_offset", "time_unit") and magnitude is None and family in ("rgb", "events")
@@ -265,6 +271,8 @@ def _is_of_this_sequence(family: str, magnitude: float | None, results: Results)
     correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()) if not while_apart)
     if family in ("imu", "pose"):
         correlates |= _turns_alike(results.get("imu.rotation")) or _agrees_otherwise(results)
+    if family == "flow":
+        correlates |= flow_offset_ms(results) is not None
     if family == "rgb" and of_a_while:
         # Of a share of the time: flow warps every frame, events correlate on the whole.
         correlates = _passed(results.get("flow_photometric.residual"))
@@ -274,6 +282,12 @@ def _is_of_this_sequence(family: str, magnitude: float | None, results: Results)
         correlates |= _has_finding(results.get("event_stream.bounds"), "event_stream.bounds.one_polarity")
     disturbed = any(_failed(results.get(check)) for check in _OWN.get(family, ()))
     return correlates or disturbed or _steps_back(results.get("clocks.order"), family)
+
+
+def _is_offset_of_flow(offset_ms: float, results: Results) -> bool:
+    """Whether an offset is the one on which the rates of flow agree, as the frames measure them."""
+    agreed = flow_offset_ms(results)
+    return agreed is not None and abs(offset_ms - agreed[0]) < _SAME_OFFSET * abs(agreed[0])
 
 
 def is_flow_of_a_part(alarms: Sequence[Alarm]) -> bool:

@@ -13,7 +13,7 @@ from fedora_qa.diagnosis.declared_cameras import (
     film_focal_lengths,
     odd_mounting,
     of_declared_cameras,
-    views_of_other_sides,
+    other_views,
 )
 from fedora_qa.diagnosis.metadata import propose_cameras
 from fedora_qa.diagnosis.proposed_faults import faults_for
@@ -21,9 +21,10 @@ from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
-from tests.support.memory_sequence import facts_of, memory_sequence
+from tests.support.memory_sequence import EVENT_HEIGHT, EVENT_WIDTH, facts_of, memory_sequence
 
 ALL = ("rgb", "depth", "events")
+VIEW_RAD = np.deg2rad(60.0)
 
 
 def alarm(code: str) -> Alarm:
@@ -180,18 +181,27 @@ def same_views(**scale: float) -> Facts:
     cameras = {}
     for name, camera in facts.declared.cameras.items():
         K = camera.K.copy()
-        K[0, 0] = K[1, 1] = scale.get(name, 1.0) * camera.width / (2 * np.tan(np.deg2rad(30.0)))
+        K[0, 0] = K[1, 1] = scale.get(name, 1.0) * camera.width / (2 * np.tan(VIEW_RAD / 2))
         cameras[name] = replace(camera, K=K)
     return replace(facts, declared=replace(facts.declared, cameras=cameras))
 
 
-@pytest.mark.parametrize("side", ["height", "diagonal"])
-def test_a_view_along_another_side_is_undone(side: str) -> None:
-    """The angle along the columns was taken for that along the rows, or along the diagonal."""
+@pytest.mark.parametrize(
+    "factor",
+    [
+        EVENT_HEIGHT / EVENT_WIDTH,
+        np.hypot(EVENT_WIDTH, EVENT_HEIGHT) / EVENT_WIDTH,
+        np.tan(VIEW_RAD / 2) / np.tan(VIEW_RAD),
+        np.tan(VIEW_RAD / 2) / np.tan(VIEW_RAD / 4),
+        np.tan(VIEW_RAD / 2) ** 2,
+    ],
+    ids=["height", "diagonal", "not halved", "halved twice", "times tangent"],
+)
+def test_a_focal_length_by_a_wrong_formula_is_undone(factor: float) -> None:
+    """The angle along the columns was taken for that along another side, or a half or the tangent is wrong."""
     camera = same_views().declared.cameras["events"]
-    sides = {"height": camera.height, "diagonal": np.hypot(camera.width, camera.height)}
-    facts = same_views(events=sides[side] / camera.width)
-    (fault,) = views_of_other_sides(facts)
+    facts = same_views(events=factor)
+    (fault,) = other_views(facts)
     assert fault.camera == "events"
     undone = fault.undo(facts, memory_sequence()).declared
     assert undone is not None
@@ -203,7 +213,7 @@ def test_a_view_along_another_side_is_undone(side: str) -> None:
 @pytest.mark.parametrize("factor", [1.0, 1.05])
 def test_other_views_are_those_of_no_side(factor: float) -> None:
     """Neither cameras of one view, nor a focal length that is wrong by any number."""
-    assert views_of_other_sides(same_views(events=factor)) == ()
+    assert other_views(same_views(events=factor)) == ()
 
 
 def rig(**rotations_deg: tuple[float, float, float]) -> Facts:

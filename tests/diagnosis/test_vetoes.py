@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fedora_qa.diagnosis.measured_sizes import flow_offset_ms
 from fedora_qa.diagnosis.vetoes import ClockPlace, Place, contradicts, places_of_clocks
 from fedora_qa.record.types import Finding, Measurement, Outcome, Result, Where
 from fedora_qa.sequence.facts import Facts, clock_of
@@ -216,3 +217,36 @@ def test_events_that_are_shifted_are_of_this_sequence(
         "event_response.orientation": Result("event_response.orientation", "failed", "", (whole,)),
     }
     assert contradicts("other_sequence", "events", None, results, {}) == is_contradicted
+
+
+def residual_of_flow(**percent: float) -> dict[str, Result]:
+    """What the photometric fit states of the time of some rates, in percent of the interval of each."""
+    times = tuple(
+        Measurement(f"flow/{rate} time", value, "percent", 2.0, 0.0, 12.0, 15.0) for rate, value in percent.items()
+    )
+    return {"flow_photometric.residual": Result("flow_photometric.residual", "failed", "off", measurements=times)}
+
+
+@pytest.mark.parametrize(
+    ("percent", "agrees"),
+    [
+        ({"10hz": 54.0, "25hz": 135.0, "50hz": 270.0}, True),
+        ({"10hz": 54.0, "25hz": 110.0}, False),
+        ({"25hz": 135.0}, False),
+        ({"10hz": 2.0, "25hz": 5.0}, False),
+    ],
+    ids=["54 ms", "rates disagree", "one rate", "within the limit"],
+)
+def test_flow_at_another_time_is_late_and_of_this_sequence(percent: dict[str, float], agrees: bool) -> None:
+    """Where its rates agree on one offset, whatever grid its timestamps lie on."""
+    results, on_grid = residual_of_flow(**percent), {"flow": ClockPlace("in", 20.0)}
+    assert contradicts("other_sequence", "flow", None, results, on_grid) == agrees
+    assert contradicts("time_offset", "flow", 54.0, results, on_grid) != agrees
+    assert contradicts("time_offset", "flow", 34.0, results, on_grid)
+
+
+def test_rates_of_flow_state_their_common_offset() -> None:
+    """Weighted by precision: 2% of 100 ms, and 2% of 40 ms."""
+    offset_ms, error_ms = flow_offset_ms(residual_of_flow(**{"10hz": 54.0, "25hz": 130.0})) or (0.0, 0.0)
+    assert offset_ms == pytest.approx((54.0 / 2.0**2 + 52.0 / 0.8**2) / (1 / 2.0**2 + 1 / 0.8**2))
+    assert error_ms == pytest.approx((1 / 2.0**2 + 1 / 0.8**2) ** -0.5)
