@@ -30,7 +30,13 @@ from fedora_qa.diagnosis.conclusion import (
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results
-from fedora_qa.diagnosis.vetoes import COMPARED_BY_FLOW, ClockPlace, contradicts, is_flow_of_a_part
+from fedora_qa.diagnosis.vetoes import (
+    COMPARED_BY_FLOW,
+    ClockPlace,
+    contradicts,
+    disturbs_too_few,
+    is_flow_of_a_part,
+)
 from fedora_qa.faults.fault import ReversibleFault, is_of_part
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis
@@ -71,9 +77,14 @@ def rank_candidates(
         Of the clocks.
     """
     excluded = COMPARED_BY_FLOW if is_flow_of_a_part(alarms) else frozenset()
+    by_finding = {alarm.finding.id: alarm for alarm in alarms}
+    large_enough = {
+        finding: [each for each in proposed if not disturbs_too_few(each, by_finding[finding], results)]
+        for finding, proposed in hypotheses.items()
+    }
     candidates = [
         candidate
-        for candidate in gather_candidates(hypotheses, _weights(alarms))
+        for candidate in gather_candidates(large_enough, _weights(alarms))
         if stream_family(candidate.stream) not in excluded
         and not contradicts(candidate.cause, candidate.stream, candidate.size.magnitude, results, places)
     ]

@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.causes import stream_family
+from fedora_qa.checks.event_response.conservation import Violations
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import Results, flow_offset_ms, measured
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Measurement, Result
@@ -260,6 +262,28 @@ def contradicts(
         # A fault larger than the limit would have exceeded it.
         return abs(magnitude) > (_largest_jump_that_passes(measurement) if is_jump else measurement.limit)
     return False
+
+
+def disturbs_too_few(hypothesis: Hypothesis, alarm: Alarm, results: Results) -> bool:
+    """Whether a cause of a known size disturbs fewer pixels than contradict the frames.
+
+    A doubled event disturbs one pixel. Where none has the timestamp of another, doubled events may have other
+    timestamps, and their number is unknown.
+
+    Parameters
+    ----------
+    hypothesis
+        The cause, for the finding of the alarm.
+    alarm
+        With the violations of conservation, or without.
+    results
+        Of the file, by check.
+    """
+    violations = [feature for feature in alarm.statistic.features if isinstance(feature, Violations)]
+    repeats = measured(results.get("event_stream.duplicates"), "repeats")
+    if (hypothesis.cause, hypothesis.stream) != ("duplicated_samples", "events") or not violations:
+        return False
+    return repeats is not None and bool(repeats.value) and 2 * (repeats.value or 0.0) < violations[0].pixels
 
 
 def _is_of_this_sequence(family: str, magnitude: float | None, results: Results) -> bool:

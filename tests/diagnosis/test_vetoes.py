@@ -5,8 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fedora_qa.checks.event_response.conservation import Violations
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import flow_offset_ms
-from fedora_qa.diagnosis.vetoes import ClockPlace, Place, contradicts, places_of_clocks
+from fedora_qa.diagnosis.vetoes import ClockPlace, Place, contradicts, disturbs_too_few, places_of_clocks
+from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Measurement, Outcome, Result, Where
 from fedora_qa.sequence.facts import Facts, clock_of
 from tests.support.memory_sequence import MS, facts_of, memory_sequence
@@ -250,3 +254,17 @@ def test_rates_of_flow_state_their_common_offset() -> None:
     offset_ms, error_ms = flow_offset_ms(residual_of_flow(**{"10hz": 54.0, "25hz": 130.0})) or (0.0, 0.0)
     assert offset_ms == pytest.approx((54.0 / 2.0**2 + 52.0 / 0.8**2) / (1 / 2.0**2 + 1 / 0.8**2))
     assert error_ms == pytest.approx((1 / 2.0**2 + 1 / 0.8**2) ** -0.5)
+
+
+@pytest.mark.parametrize(
+    ("repeats", "too_few"), [(1.0, True), (1999.0, False), (0.0, False)], ids=["one", "as many", "none is known"]
+)
+def test_few_doubled_events_contradict_the_frames_in_few_pixels(repeats: float, too_few: bool) -> None:
+    """One doubled event disturbs one pixel; the number of those with other timestamps is unknown."""
+    count = Measurement("repeats", repeats, "events", 0.0, 0.0, 0.0, 1.0)
+    results = {"event_stream.duplicates": Result("event_stream.duplicates", "failed", "off", measurements=(count,))}
+    code = "event_response.conservation.pixels"
+    statistic = Statistic("toy", 1.0, "1", 0.0, "off", code, Where(), features=(Violations(2000, 0.2),))
+    alarm = Alarm(Finding("F1", code, "error", "off", Where()), statistic)
+    assert disturbs_too_few(Hypothesis("duplicated_samples", "events", 0.3), alarm, results) == too_few
+    assert not disturbs_too_few(Hypothesis("dropped_samples", "events", 0.3), alarm, results)
