@@ -149,6 +149,15 @@ class UndoTrial:
         net = len(self.cleared) - len(self.caused) - len(self.crashed) if self.cleared else 0
         return net, -sum(ratios) / max(len(ratios), 1)
 
+    def surpasses(self, other: "UndoTrial") -> bool:
+        """Whether undoing this fault causes nothing, and clears all that undoing the other clears and leaves.
+
+        The other one leaves or causes some: it resembles what is wrong, and this one is it.
+        """
+        cleared = self.cleared_alone or self.cleared
+        is_exact = not (self.left or self.caused or self.crashed)
+        return is_exact and bool(other.left or other.caused) and cleared >= other.cleared | other.left.keys()
+
 
 Trials = Mapping[tuple[str, str], UndoTrial]
 """Trials by cause and stream."""

@@ -144,12 +144,21 @@ def choose_causes(
         clock = places.get(stream_family(candidate.stream))
         return candidate.cause in _OF_CLOCKS and clock is not None and clock.place == "out"
 
+    def is_surpassed(candidate: CauseCandidate, supported: Sequence[CauseCandidate]) -> bool:
+        """Whether another cause clears all of several checks, of which undoing this one leaves some."""
+        trial = trials.get(candidate.key)
+        return trial is not None and any(
+            trials[other.key].surpasses(trial) and len(_checks_cleared(other, codes, trials[other.key])) > 1
+            for other in supported
+            if other.key in trials
+        )
+
     diagnoses: list[Diagnosis] = []
     explained: set[str] = set()
     # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most support, counted by check. Among equal
     # ones the first counts, which is ranked higher without trials.
     while supported := [c for c in candidates if gain(c) >= _ENOUGH and (tested[c.key] or c.best_support >= FITS)]:
-        best = max(supported, key=merit)
+        best = max((c for c in supported if not is_surpassed(c, supported)), key=merit)
         own = {f: h for f, h in best.evidence.items() if h.support > 0}
         # Where one clock is out of place, the others, which lie on one grid, are no rivals.
         is_odd = is_out_of_place(best)
@@ -281,6 +290,13 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
             share = max(1.0 - abs(ratio), 0.0)
             evidence[finding] = replace(evidence[finding], support=evidence[finding].support * share)
     return replace(candidate, evidence=evidence)
+
+
+def _checks_cleared(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial) -> frozenset[str]:
+    """Return the checks whose findings a trial clears, without those that vanish by construction."""
+    return frozenset(
+        check_of_code(codes[f]) for f in trial.cleared if not clears_by_construction(candidate.cause, codes[f])
+    )
 
 
 def _new_support(candidate: CauseCandidate, finding: str, unexplained: Mapping[str, float]) -> float:

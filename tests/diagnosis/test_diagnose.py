@@ -274,6 +274,19 @@ def test_what_a_trial_causes_counts_against_it() -> None:
     assert [(d.cause, d.status) for d in diagnosed(BOTH, trials)] == [("time_offset", "supported")]
 
 
+def test_a_cause_whose_undoing_clears_all_comes_before_one_that_leaves_some() -> None:
+    """However much else the other one would explain, where two checks agree: one check may be cleared by chance."""
+    further = Hypothesis("spatial_offset", "events", 0.9, 3.0, "px", 0.1)
+    alarms = [*BOTH, *(alarm(i, further, code=f"rule.{i}") for i in (3, 4, 5))]
+    nearly = tried("F1", left={"F2": 0.18})
+    assert diagnosed(alarms, {IS_LATE: tried("F1"), IS_SHIFTED: nearly})[0].cause == "spatial_offset"
+    assert diagnosed(alarms, {IS_LATE: tried("F1", "F2"), IS_SHIFTED: nearly})[0].cause == "time_offset"
+    with_others = tried("F1", "F2", caused=("a.new.one",))
+    assert diagnosed(alarms, {IS_LATE: with_others, IS_SHIFTED: nearly})[0].cause == "spatial_offset"
+    of_one_check = [alarm(1, LATE, SHIFTED), alarm(2, LATE, SHIFTED), *alarms[2:]]
+    assert diagnosed(of_one_check, {IS_LATE: tried("F1", "F2"), IS_SHIFTED: nearly})[0].cause == "spatial_offset"
+
+
 def test_a_direct_measurement_supports_what_cannot_be_undone() -> None:
     """A check whose business a cause is measures it; another check's finding merely suggests it."""
     lost = Hypothesis("dropped_samples", "imu", 0.6)
