@@ -21,6 +21,7 @@ from fedora_qa.causes import INDEX_MAPS, TIMED, allowed
 from tests.benchmarks.foreign.scenes import Size
 from tests.benchmarks.foreign_faults import study
 from tests.benchmarks.foreign_faults.displacement import KEYS, recomputed
+from tests.benchmarks.foreign_faults.fourth_round.kinds import FOURTH_ROUND
 from tests.benchmarks.foreign_faults.kind import ALL_SCENES, EXACT_SCENES, LAST_ROUND, SHARES, Kind, Plan, Range
 from tests.benchmarks.foreign_faults.outcome import Named, Outcome, diagnose_planted, outcome_of, plant, state_path
 from tests.benchmarks.foreign_faults.page import page
@@ -47,6 +48,11 @@ def clean_of(shared_files: SharedFiles) -> Callable[[Source], Path]:
     return clean
 
 
+def source_of(kind: Kind) -> Source:
+    """Return the sequence in which the tests plant a kind."""
+    return Source("park-noisy" if kind.scenes == ("park-noisy",) else "park-day", 0)
+
+
 @pytest.fixture(scope="module")
 def pair_of(
     clean_of: Callable[[Source], Path], tmp_path_factory: pytest.TempPathFactory
@@ -58,7 +64,7 @@ def pair_of(
     @cache
     def planted(name: str) -> tuple[Contents, Contents, Plan]:
         kind = BY_NAME[name]
-        source = Source("park-noisy" if kind.scenes == ("park-noisy",) else "park-day", 0)
+        source = source_of(kind)
         clean, donor = clean_of(source), clean_of(Source("park-day", 1))
         plant(kind, kind.plan(source.scene, source.seed, donor), clean, target)
         after = contents_of(target, is_damaged=":corrupt_chunk" in "".join(kind.truth))
@@ -80,10 +86,10 @@ def test_there_are_enough_kinds() -> None:
 def test_the_last_round_is_held_out() -> None:
     """All of it and nothing else."""
     assert {kind.round for kind in KINDS} == set(range(1, LAST_ROUND + 1))
-    assert [kind for kind in KINDS if kind.held_out] == list(THIRD_ROUND)
+    assert [kind for kind in KINDS if kind.held_out] == list(FOURTH_ROUND)
 
 
-@pytest.mark.parametrize("kinds", [SECOND_ROUND, THIRD_ROUND])
+@pytest.mark.parametrize("kinds", [SECOND_ROUND, THIRD_ROUND, FOURTH_ROUND])
 def test_a_later_round_has_enough_kinds_of_its_own(kinds: tuple[Kind, ...]) -> None:
     """Of every stream, with a name and without, local ones and composites."""
     assert len({kind.round for kind in kinds}) == 1
@@ -208,7 +214,7 @@ def test_a_planter_alters_what_it_says_and_nothing_else(
     assert all(lies_under(path, kind.alters) for path in retyped)
 
 
-@pytest.mark.parametrize("kind", THIRD_ROUND, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", [*THIRD_ROUND, *FOURTH_ROUND], ids=lambda kind: kind.name)
 def test_a_kind_is_planted_the_same_again(
     kind: Kind,
     clean_of: Callable[[Source], Path],
@@ -216,8 +222,9 @@ def test_a_kind_is_planted_the_same_again(
     tmp_path: Path,
 ) -> None:
     """To the bit, in another copy of the same sequence."""
-    source = Source("park-day", 0)
-    plant(kind, kind.plan(source.scene, source.seed, clean_of(source.donor)), clean_of(source), tmp_path / "a.h5")
+    source = source_of(kind)
+    donor = clean_of(Source("park-day", 1))
+    plant(kind, kind.plan(source.scene, source.seed, donor), clean_of(source), tmp_path / "a.h5")
     again = contents_of(tmp_path / "a.h5", is_damaged=":corrupt_chunk" in "".join(kind.truth))
     _, before, _ = pair_of(kind.name)
     assert set(again) == set(before)
