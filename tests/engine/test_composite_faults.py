@@ -67,3 +67,17 @@ def test_a_hidden_fault_is_named_and_repaired(small_park_day: Path, tmp_path: Pa
         assert np.array_equal(repaired["path/events/p"][()], clean["path/events/p"][()])
         late_us = np.abs(repaired[TIMES][()].astype(np.int64) - clean[TIMES][()].astype(np.int64))
     assert late_us.max() < 200
+
+
+def bias_gyro_unevenly(file: h5py.File) -> None:
+    """A bias of a fifth of the file that changes within it: a constant one leaves less than is material."""
+    rates = file["path/imu/angular_velocity"]
+    rows = slice(round(0.4 * len(rates)), round(0.6 * len(rates)))
+    course = np.linspace(0.085, 0.115, rows.stop - rows.start)
+    rates[rows] += course[:, np.newaxis] * [0.0, 1.0, 0.0]
+
+
+def test_what_undoing_leaves_beyond_its_limit_is_not_cleared(small_park_day: Path, tmp_path: Path) -> None:
+    """It is no finding any more, because it is immaterial; the fault that was undone is not the one of the file."""
+    record = check_file(planted(small_park_day, tmp_path / "faulty.h5", bias_gyro_unevenly), OPTIONS).record
+    assert all(diagnosis.status != "confirmed" for diagnosis in record.diagnoses)

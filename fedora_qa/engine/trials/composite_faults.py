@@ -184,6 +184,11 @@ def _with_first_undone(
         for finding, ratio in of_other.left.items()
         if (identifier := counterparts.get(finding)) in remaining and identifier is not None
     }
+    if not without.alarms:
+        # What is no finding any more may still exceed its limit, by less than is material: undoing does not clear it.
+        immaterial = without.left_of(bench.alarms, bench.run.strict)
+        remaining |= immaterial.keys()
+        ratios |= immaterial
     with_others = _with_others_undone(trial, explained, remaining, ratios, windows)
     amended = alone.explanation({**alone.trials, first: with_others})
     return _in_turn(first, amended, rest, counterparts) if first in map(key_of, amended.diagnoses) else None

@@ -164,6 +164,29 @@ class TrialBench:
             return None
         return TrialBench([alarm for each in judged for alarm in each.alarms], self.checks, run, self.work)
 
+    def left_of(self, alarms: Sequence[Alarm], strict: Mapping[str, Result]) -> dict[str, float]:
+        """Return which part of the deviations of another run is left in this one, where they exceed their limits.
+
+        Parameters
+        ----------
+        alarms, strict
+            Of the other run.
+
+        Returns
+        -------
+        dict
+            By the id of the finding; deviations that are material and those that are not.
+        """
+        left = {}
+        for alarm in alarms:
+            before, after = (
+                None if result is None else _measurement(result, alarm)
+                for result in (strict.get(check_of(alarm)), self.run.strict.get(check_of(alarm)))
+            )
+            if before is not None and after is not None and after.exceeds_limit:
+                left[alarm.finding.id] = _ratio(after, before)
+        return left
+
     def ratios(
         self,
         fault: ReversibleFault | None,
