@@ -22,6 +22,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import (
     BiasOfPart,
     DriftingBias,
+    GainOfPart,
     InertialConventionTrial,
     MotionKind,
     OffsetsApart,
@@ -218,6 +219,11 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
     if any(isinstance(feature, HeldComponent) for feature in features):
         # A component that keeps its value lacks the whole motion about its axis: parameters of the fit are its effects.
         return (*conventions, *defect_hypotheses(features))
+    for feature in features:
+        if isinstance(feature, GainOfPart):
+            # A gain that changes has no name; the bias that is fitted to the whole is an effect of it.
+            unknown = Hypothesis("unknown", "imu", support("imu.gain_of_part") * feature.explained, feature.gain, "1")
+            return (*conventions, *defect_hypotheses(features), unknown)
     if rule not in ("residual", "worst"):
         # A fit that did not converge turns one motion into another: its parameters have no meaning.
         other = _other_sequence(1.0) if any(isinstance(feature, UnsettledFit) for feature in features) else ()

@@ -113,6 +113,22 @@ class BiasOfPart(Feature):
 
 
 @dataclass(frozen=True, slots=True)
+class GainOfPart(Feature):
+    """Another gain of the gyro in a part of the sequence, which removes more of the residuals than any bias of a part.
+
+    Attributes
+    ----------
+    gain
+        Measured over true value.
+    explained
+        Share of the squares beyond noise that it removes, 0 to 1.
+    """
+
+    gain: float
+    explained: float
+
+
+@dataclass(frozen=True, slots=True)
 class DriftingBias(Feature):
     """A bias that changes evenly with time and removes nearly all of the residuals, as no constant one does.
 

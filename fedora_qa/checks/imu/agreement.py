@@ -19,6 +19,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import (
     BiasOfPart,
     DriftingBias,
+    GainOfPart,
     InertialConventionTrial,
     InertialStreams,
     MotionKind,
@@ -208,6 +209,8 @@ def agreement_observation(
     if part := fit.partial_bias:
         start_ns, stop_ns = (streams.origin_ns + NS_PER_S * end_s for end_s in (part.start_s, part.stop_s))
         defects = (*defects, BiasOfPart(kind, part.bias, start_ns, stop_ns, part.explained))
+    elif fit.partial_gain is not None:
+        defects = (*defects, GainOfPart(fit.partial_gain.gain, fit.partial_gain.explained))
     elif drift := fit.bias_drift:
         x, y, z = max(drift.first, drift.last, key=lambda bias: sum(value**2 for value in bias))
         defects = (*defects, DriftingBias(kind, (x, y, z), drift.explained))

@@ -6,6 +6,8 @@ weighted squares, where ``A = sum J^T W J`` and ``b = sum J^T W r``. Sums over a
 first row on, so that many parts are compared at once: the part whose bias removes most is the likeliest. Rows that the
 bias does not affect add to A and not to b, so that a part that is too long removes less.
 
+Another gain of a part is placed in the same way, by the jacobian of the gain.
+
 A row at an edge of the part is affected in proportion to the time of it that lies within, which gives the edges between
 rows. The errors of neighbouring rows are taken as independent: in noise of the poses only a large bias is placed.
 """
@@ -73,12 +75,34 @@ class PartialBias:
         Of the part, s; infinite where it reaches an end of the sequence.
     explained
         Share of the weighted squares beyond noise that it removes, 0 to 1.
+    left_within
+        Share of the weighted squares of rows wholly within the part that it leaves, 0 to 1.
     """
 
     bias: tuple[float, float, float]
     start_s: float
     stop_s: float
     explained: float
+    left_within: float
+
+
+@dataclass(frozen=True, slots=True)
+class PartialGain:
+    """Another gain of the sensor within a part of the sequence.
+
+    Attributes
+    ----------
+    gain
+        Measured over true value.
+    start_s, stop_s, explained, left_within
+        As of ``PartialBias``.
+    """
+
+    gain: float
+    start_s: float
+    stop_s: float
+    explained: float
+    left_within: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,23 +137,62 @@ def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> Partia
     PartialBias or None
         None where the likeliest part is the whole sequence, has too few rows, or leaves more than little.
     """
+    part = _likeliest_part(segments, [rows.bias_jacobians for rows in segments], centre)
+    if part is None:
+        return None
+    bias, start_s, stop_s, explained, left = part
+    return PartialBias((float(bias[0]), float(bias[1]), float(bias[2])), start_s, stop_s, explained, left)
+
+
+def partial_gain(segments: Sequence[ComparisonRows], *, column: int, centre: float) -> PartialGain | None:
+    """Return the part of the sequence in which another gain of the sensor removes most of the residuals.
+
+    Parameters
+    ----------
+    segments, centre
+        As of ``partial_bias``.
+    column
+        Of the jacobians, the derivative by the gain.
+
+    Returns
+    -------
+    PartialGain or None
+        None where ``partial_bias`` would be None, or where the rates have another sign.
+    """
+    part = _likeliest_part(segments, [rows.jacobians[..., [column]] for rows in segments], centre)
+    if part is None or part[0][0] >= 1.0:
+        return None
+    (share,), start_s, stop_s, explained, left = part
+    # Jacobians are those of measured samples: with w' = k w, residuals are (k - 1) w = (1 - 1 / k) w'.
+    return PartialGain(1.0 / (1.0 - float(share)), start_s, stop_s, explained, left)
+
+
+def _likeliest_part(
+    segments: Sequence[ComparisonRows], derivatives: Sequence[Float64], centre: float
+) -> tuple[Float64, float, float, float, float] | None:
+    """Return the values of some parameters in the part where they remove most, and what a ``PartialBias`` has besides.
+
+    ``derivatives`` are those of the residuals of each segment, (n, 3, P), by these parameters.
+    """
     residuals = np.concatenate([rows.residuals / rows.sigmas for rows in segments])
-    jacobians = np.concatenate([rows.bias_jacobians / rows.sigmas[..., np.newaxis] for rows in segments])
+    jacobians = np.concatenate(
+        [of_rows / rows.sigmas[..., np.newaxis] for rows, of_rows in zip(segments, derivatives, strict=True)]
+    )
     spans_s = np.concatenate([rows.spans_s for rows in segments])
     middles_s = np.concatenate([rows.times_s for rows in segments]) + centre * spans_s
     count = len(residuals)
-    # Sums over the rows before each edge: (n + 1, 3, 3) and (n + 1, 3).
+    # Sums over the rows before each edge: (n + 1, P, P) and (n + 1, P).
     information = _sums_before(np.einsum("nij,nik->njk", jacobians, jacobians))
     projection = _sums_before(np.einsum("nij,ni->nj", jacobians, residuals))
-    floor = _SINGULAR * float(np.trace(information[-1])) * np.eye(3)
+    floor = _SINGULAR * float(np.trace(information[-1])) * np.eye(jacobians.shape[-1])
 
-    def biases(first: NDArray[np.intp], last: NDArray[np.intp]) -> Float64:
+    def values(first: NDArray[np.intp], last: NDArray[np.intp]) -> Float64:
         sums = projection[last] - projection[first]
         solved = np.linalg.solve(information[last] - information[first] + floor, sums[..., np.newaxis])
         return np.asarray(solved[..., 0], dtype=np.float64)
 
     def removed(first: NDArray[np.intp], last: NDArray[np.intp]) -> Float64:
-        squares: Float64 = np.einsum("ni,ni->n", projection[last] - projection[first], biases(first, last))
+        squares: Float64 = np.einsum("ni,ni->n", projection[last] - projection[first], values(first, last))
         return squares
 
     if count < _FEWEST_ROWS_OF_PART or not floor.any():
@@ -146,15 +209,15 @@ def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> Partia
     if last - first < _FEWEST_ROWS_OF_PART or count - (last - first) < _LEAST_ELSEWHERE * count:
         return None
     squares = float(removed(np.array([first]), np.array([last]))[0])
-    bias = biases(np.array([first + _PARTLY]), np.array([last - _PARTLY]))[0]
+    value = values(np.array([first + _PARTLY]), np.array([last - _PARTLY]))[0]
     # Noise alone has squares of one a residual, or less where errors are bounds: it is measured outside of the part.
     outside = np.concatenate([residuals[:first], residuals[last:]])
     noise = min(float(np.mean(outside**2)), 1.0) * residuals.size
     explained = squares / max(float(np.sum(residuals**2)) - noise, squares)
     if explained < _LEAST_EXPLAINED:
         return None
-    # Share of each row that the bias affects.
-    predicted = jacobians @ bias
+    # Share of each row that the fault affects.
+    predicted = jacobians @ value
     lengths = np.maximum(np.sum(predicted**2, axis=1), np.finfo(np.float64).tiny)
     shares = np.clip(np.sum(residuals * predicted, axis=1) / lengths, 0.0, 1.0)
     step_s = float(np.median(spans_s))
@@ -168,7 +231,9 @@ def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> Partia
         stop_s = float(
             middles_s[last - _PARTLY - 1] + step_s / 2 + step_s * shares[last - _PARTLY : last + _PARTLY].sum()
         )
-    return PartialBias((float(bias[0]), float(bias[1]), float(bias[2])), start_s, stop_s, explained)
+    within = slice(first + _PARTLY, last - _PARTLY)
+    left = float(np.sum((residuals - predicted)[within] ** 2) / np.sum(residuals[within] ** 2))
+    return value, start_s, stop_s, explained, left
 
 
 def bias_drift(segments: Sequence[ComparisonRows]) -> BiasDrift | None:
@@ -300,6 +365,9 @@ class InertialFit:
     partial_bias
         The part of the sequence whose bias removes most of the residuals as declared; None where that is the whole
         sequence.
+    partial_gain
+        The part in which another gain removes nearly all of the residuals, and leaves less within it than any bias of
+        a part, which has three numbers in place of one; None where there is none.
     bias_drift
         The bias that changes evenly and removes nearly all of them; None where none does, or a constant one does.
     """
@@ -319,6 +387,7 @@ class InertialFit:
     disturbed: tuple[float, float] | None
     course: Float64
     partial_bias: PartialBias | None
+    partial_gain: PartialGain | None
     bias_drift: BiasDrift | None
 
 
@@ -420,6 +489,11 @@ def summarise(
     starts = runs * (len(lengths) // count) + np.minimum(runs, len(lengths) % count)
     is_longest = lengths == np.repeat(np.maximum.reduceat(lengths, starts), np.diff(starts, append=len(lengths)))
     longest = np.minimum.reduceat(np.where(is_longest, numbers, len(numbers)), starts)
+    bias, gain = partial_bias(declared, centre=centre), None
+    if "scale" in fit.parameters.names:
+        gain = partial_gain(declared, column=fit.parameters.names.index("scale"), centre=centre)
+        if gain is not None and bias is not None and gain.left_within >= bias.left_within:
+            gain = None
     return InertialFit(
         parameters=fit.fitted(),
         settled=settled,
@@ -435,7 +509,8 @@ def summarise(
         local_deviations=local_deviations,
         disturbed=disturbed,
         course=np.stack([times_s[longest], lengths[longest]], axis=1),
-        partial_bias=partial_bias(declared, centre=centre),
+        partial_bias=None if gain is not None else bias,
+        partial_gain=gain,
         bias_drift=bias_drift(declared),
     )
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.imu.preintegration import rotation_rows
+from fedora_qa.estimators.imu.preintegration import ROTATION_PARAMETERS, rotation_rows
 from fedora_qa.estimators.imu.specific_force import translation_rows
-from fedora_qa.estimators.imu.summary import PartialBias, bias_drift, partial_bias
+from fedora_qa.estimators.imu.summary import PartialBias, bias_drift, partial_bias, partial_gain
 from tests.support.motion_world import EXACT, NOISY, sample_motion
 
 BIAS = np.array([0.02, -0.05, 0.03])
@@ -77,3 +77,37 @@ def test_a_bias_that_does_not_drift_is_none_that_drifts(bias: float) -> None:
     samples = sample_motion()
     samples.angular_velocities_body_rad_s[:] += bias * BIAS
     assert bias_drift([rotation_rows(samples, EXACT)]) is None
+
+
+SCALE = ROTATION_PARAMETERS.names.index("scale")
+
+
+@pytest.mark.parametrize("gain", [0.25, 0.9, 2.0, 4.0])
+def test_a_gain_of_a_part_is_sized_and_removes_more_than_a_bias(gain: float) -> None:
+    """A gyro whose range changes for a while measures a multiple of the rates."""
+    samples = sample_motion()
+    samples.angular_velocities_body_rad_s[600:1400] *= gain
+    rows = [rotation_rows(samples, EXACT)]
+    part, bias = partial_gain(rows, column=SCALE, centre=0.5), partial_bias(rows, centre=0.5)
+    assert part is not None
+    assert part.gain == pytest.approx(gain, rel=1e-2)
+    assert (part.start_s, part.stop_s) == pytest.approx((0.6, 1.4), abs=2e-3)
+    assert part.explained > 0.9
+    assert bias is None or part.left_within < 0.1 * bias.left_within
+
+
+def test_a_bias_of_a_part_removes_more_than_a_gain() -> None:
+    """Its rows follow the bias, and not the rates."""
+    samples = sample_motion()
+    samples.angular_velocities_body_rad_s[600:1400] += BIAS
+    rows = [rotation_rows(samples, EXACT)]
+    part, bias = partial_gain(rows, column=SCALE, centre=0.5), partial_bias(rows, centre=0.5)
+    assert bias is not None
+    assert part is None or part.left_within > 10 * bias.left_within
+
+
+def test_a_gain_of_the_whole_sequence_is_none_of_a_part() -> None:
+    """It has no part outside."""
+    samples = sample_motion()
+    samples.angular_velocities_body_rad_s[:] *= 2.0
+    assert partial_gain([rotation_rows(samples, EXACT)], column=SCALE, centre=0.5) is None
