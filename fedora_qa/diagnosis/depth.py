@@ -25,6 +25,7 @@ from fedora_qa.diagnosis.hypothesis import (
     support_of_extent,
     weakened,
 )
+from fedora_qa.faults.fault import RowRange
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.depth_conventions import Extent, PairTrials, Transform
@@ -63,6 +64,9 @@ _ALL_OF_IT: Final = 1.0
 
 _OF_WHOLE_IMAGES: Final = frozenset({"mirrored", "depth_ray_not_z"})
 """Causes that alter all pixels of an image: where a part of it deviates, the transform resembles another cause."""
+
+_PAIRS_OF_SINGLE_FRAMES: Final = 3
+"""Most pairs next to each other that a fault of single frames affects: two exchanged neighbours are in three."""
 
 _CAUSES_OF_TRANSFORM: Final[Mapping[Transform, tuple[tuple[str, str, float, Size], ...]]] = MappingProxyType({
     "depth_scale": (
@@ -165,10 +169,13 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
     # A fault that begins between the frames of the worst pair affects that pair alone, so its share of the file does
     # not count.
     averages = (
-        *_by_trials(trials, "all", share_off=pairs.off / pairs.compared),
-        *_by_trials(trials, "part", share_off=1.0),
+        *_by_trials(trials, ("all",), share_off=pairs.off / pairs.compared),
+        *_by_trials(trials, ("part",), share_off=1.0),
     )
-    # The better supported of both, of each cause and stream.
+    if _lasts(alarm, pairs):
+        # At either end of the time that the fault holds, one frame of a pair has it.
+        averages = (*averages, *_by_trials(trials, ("all", "part"), share_off=pairs.off / pairs.compared, lasts=True))
+    # The best supported, of each cause and stream.
     ascending = sorted(averages, key=lambda hypothesis: hypothesis.support)
     hypotheses = list({(hypothesis.cause, hypothesis.stream): hypothesis for hypothesis in ascending}.values())
     if pairs.repeated:
@@ -196,21 +203,46 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
     )
 
 
-def _by_trials(pairs: Sequence[PairTrials], extent: Extent, *, share_off: float) -> list[Hypothesis]:
+def _lasts(alarm: Alarm, pairs: PairsOff) -> bool:
+    """Whether the deviating pairs lie next to each other in a part of the file, and no single frames explain them."""
+    where = alarm.finding.where
+    if where.index_start is None or where.index_stop is None:
+        return False
+    between = where.index_stop - where.index_start - 1
+    return _PAIRS_OF_SINGLE_FRAMES < between <= pairs.off < pairs.compared
+
+
+def frames_between(alarm: Alarm) -> RowRange | None:
+    """Return the rows of depth that lie between the first and the last pair that deviates.
+
+    A fault that holds for a while begins within the first of these pairs and ends within the last. None where the
+    finding is none of pairs of frames, or where no row lies between.
+    """
+    where = alarm.finding.where
+    is_of_pairs = alarm.finding.code in ("depth.consistency.frame", "depth.consistency.tile")
+    if not is_of_pairs or where.index_start is None or where.index_stop is None:
+        return None
+    first, last = where.index_start + 1, where.index_stop - 1
+    return (first, last) if last > first else None
+
+
+def _by_trials(
+    pairs: Sequence[PairTrials], extents: Sequence[Extent], *, share_off: float, lasts: bool = False
+) -> list[Hypothesis]:
     """Return the mean support of each cause over the pairs on which its transform was tried.
 
-    ``share_off`` is the share of deviating pairs.
+    ``share_off`` is the share of deviating pairs, ``lasts`` as of ``support_of_extent``.
     """
     by_cause: dict[tuple[str, str], list[tuple[float, float | None]]] = {}
     for pair in pairs:
         # Support of the best trial of each cause and stream on this pair, and the size of the fault.
         best: dict[tuple[str, str], tuple[float, float | None]] = {}
         for trial in pair.trials:
-            if trial.extent != extent:
+            if trial.extent not in extents:
                 continue
             for cause, stream, full_support, size_of in _CAUSES_OF_TRANSFORM[trial.transform]:
                 # Pose and camera are common to all pixels: a deviation of a part of the image is a fault of depth.
-                if extent == "part" and (stream != "depth" or cause in _OF_WHOLE_IMAGES):
+                if trial.extent == "part" and (stream != "depth" or (cause in _OF_WHOLE_IMAGES and not lasts)):
                     continue
                 explained = full_support * trial.residual_reduction
                 if (cause, stream) not in best or best[cause, stream][0] < explained:
@@ -222,7 +254,7 @@ def _by_trials(pairs: Sequence[PairTrials], extent: Extent, *, share_off: float)
         # A cause must explain every deviating pair, hence the mean. Its size comes from the pair that it explains best:
         # in other pairs further causes may contribute.
         mean_support = float(np.mean([of_pair[0] for of_pair in of_pairs]))
-        mean_support *= support_of_extent(cause, share_off)
+        mean_support *= support_of_extent(cause, share_off, lasts=lasts)
         _, size = max(of_pairs, key=lambda of_pair: of_pair[0])
         unit = "" if size is None else CAUSES[cause].unit
         hypotheses.append(Hypothesis(cause, stream, mean_support, size, unit))

@@ -133,7 +133,7 @@ def support(name: str) -> float:
     return SUPPORT[name].value
 
 
-def support_of_extent(cause: str, share_off: float) -> float:
+def support_of_extent(cause: str, share_off: float, *, lasts: bool = False) -> float:
     """Return the factor on the support of a cause for the share of deviating fields or pairs.
 
     A fault of single frames cannot affect most of them, and a fault of all frames does not leave most of them
@@ -145,13 +145,17 @@ def support_of_extent(cause: str, share_off: float) -> float:
         As in ``fedora_qa.causes``.
     share_off
         Share of the compared fields, or pairs of depth frames, that deviate, 0 to 1.
+    lasts
+        Whether those that deviate lie next to each other, and are more than a fault of single frames affects: another
+        fault then held for a while, however short.
 
     Returns
     -------
     float
         1 for a likely extent, less for an unlikely one.
     """
-    unlikely = share_off > _MOST if cause in _SINGLE_FRAME_CAUSES else share_off < _FEW
+    is_of_single_frames = cause in _SINGLE_FRAME_CAUSES
+    unlikely = lasts or share_off > _MOST if is_of_single_frames else not lasts and share_off < _FEW
     return support("convention_trials.unlikely_extent") if unlikely else 1.0
 
 

@@ -27,6 +27,7 @@ from fedora_qa.diagnosis.declared_cameras import (
     other_views,
     transposed,
 )
+from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.flow import fractions_of_px
 from fedora_qa.diagnosis.measured_sizes import (
     Results,
@@ -148,6 +149,11 @@ _WHOLE_PX: Final = 0.1
 """Largest distance of a fitted shift from whole pixels at which these are tried. A trial more costs little."""
 
 
+_WHOLE_FRAMES: Final = 0.05
+"""Largest relative difference of a fitted offset from whole frames at which these are tried. The value is not derived;
+a trial more costs little."""
+
+
 def is_testable(cause: str, stream: str, magnitude: float | None) -> bool:
     """Whether a cause can be undone: its fault has an inverse, and its size was fitted where it needs one."""
     sized = magnitude is not None and isfinite(magnitude) and magnitude != 0
@@ -174,7 +180,30 @@ def _slewed_part(fit: FittedCause) -> SlewedSegment | None:
     return None if clock is None else slewed_part(clock.times_ns, resolution_ns=NS_PER_US)
 
 
+def _parts_of_depth(fit: FittedCause) -> list[RowRange]:
+    """Return the frames in which depth may have a fault for a while: those between the pairs of frames that deviate."""
+    parts = dict.fromkeys(part for alarm in fit.alarms if (part := frames_between(alarm)))
+    count = len(fit.facts.clocks["depth"].times_ns) if "depth" in fit.facts.clocks else 0
+    # No pair shows whether a fault ends with the last frame, or which of two first frames has it.
+    ends = [(0 if first == 1 else first, None if last == count - 1 else last) for first, last in parts]
+    return [part for part in ends if part != (0, None)]
+
+
+def _delayed_frames(fit: FittedCause) -> Faults:
+    """Yield depth frames that hold the values of others, where the offset is one of whole frames."""
+    depth = fit.facts.clocks.get("depth")
+    steps_ns = np.diff(depth.times_ns[depth.advancing]) if depth is not None else np.zeros(0)
+    if fit.stream != "depth" or not len(steps_ns):
+        return
+    period_ms = float(np.median(steps_ns)) / NS_PER_MS
+    frames = round(fit.size / period_ms)
+    if frames and isclose(frames * period_ms, fit.size, rel_tol=_WHOLE_FRAMES):
+        for part in _parts_of_depth(fit):
+            yield row_order.DelayedFrames(frames, frames * period_ms, part)
+
+
 def _clock_shift(fit: FittedCause) -> Faults:
+    yield from _delayed_frames(fit)
     part = _displaced_part(fit)
     if part is not None and not part.drift and abs(part.offset_ns) > _ROUNDINGS * NS_PER_US:
         # An offset of the whole clock would displace the timestamps that are correct. One of two roundings is as well a
@@ -373,6 +402,9 @@ def _length_unit(fit: FittedCause) -> Faults:
             if fit.stream == "depth" and isinstance(feature, OutOfRange) and feature.rescaled_rows is not None:
                 # Divided in the whole file, correct frames would be in the other unit.
                 yield units.LengthUnit("depth", fit.size, feature.rescaled_rows)
+        if fit.stream == "depth":
+            for part in _parts_of_depth(fit):
+                yield units.LengthUnit("depth", fit.size, part)
         yield units.LengthUnit("depth" if fit.stream == "depth" else "pose", fit.size)
 
 
@@ -557,6 +589,8 @@ def _lever_arm(fit: FittedCause) -> Faults:
 def _rays(fit: FittedCause) -> Faults:
     """Yield the exponent of the sign that is measured first: -1 where z was divided by the length of the ray."""
     inverse = deviation(fit.results.get("depth.projection"), "ray_exponent") < 0
+    for part in _parts_of_depth(fit):
+        yield images.RayLength(-1.0 if inverse else 1.0, part)
     yield images.RayLength(-1.0 if inverse else 1.0)
     yield images.RayLength(1.0 if inverse else -1.0)
 

@@ -43,6 +43,8 @@ _TELEPORT: Final = ("teleport", "pose")
 
 _REPEATS: Final = ("frozen_frames", "pose")
 
+_RAYS: Final = ("depth_ray_not_z", "depth")
+
 _MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
     {
         ("time_offset", "events"): (_EVENTS, "time_offset"),
@@ -75,7 +77,7 @@ _IN_ORDER: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
         ("event_model_misdeclared", "events"): ("event_response.model",),
         # Vignetting of a part of the file is a jump where it begins.
         ("vignetting", "rgb"): ("images.vignetting", "images.exposure"),
-        ("depth_ray_not_z", "depth"): ("depth.projection",),
+        _RAYS: ("depth.projection",),
         # Depths that agree with the path, and lie where they are declared to lie, have the unit of the path.
         ("unit_mm_m", "depth"): ("depth.scale", "depth.range", "depth.consistency"),
         ("unit_mm_m", "pose"): ("depth.scale", "depth.range", "depth.consistency"),
@@ -249,6 +251,9 @@ def contradicts(
     if (cause, family) in _IN_ORDER and (cause != "exposure_or_gamma" or magnitude is None):
         # Poses that move by less than a step of their values repeat.
         is_of_steps = (cause, family) == _REPEATS and _is_coarse(results.get("integrity.resolution"), family)
+        # Rays of a part of the file alter the exponent of the whole by little.
+        if (cause, family) == _RAYS and _begins_within(results.get("depth.consistency")):
+            return False
         return is_of_steps or all(_passed(results.get(check)) for check in _IN_ORDER[cause, family])
     if family == "flow" and cause in _OF_FLOW and magnitude is not None:
         return _frames_contradict(cause, stream, magnitude, results.get("flow_photometric.residual"))
@@ -445,6 +450,13 @@ def _is_coarse(result: Result | None, family: str) -> bool:
     """Whether values of a stream are stored in steps whose rounding is material."""
     return result is not None and any(
         stream_family(place.stream or "") == family for finding in result.findings for place in finding.all_places
+    )
+
+
+def _begins_within(result: Result | None) -> bool:
+    """Whether what a check finds begins behind the first row, with which a fault of the whole file begins."""
+    return result is not None and any(
+        finding.where.index_start is not None and finding.where.index_start > 0 for finding in result.findings
     )
 
 

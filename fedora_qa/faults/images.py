@@ -226,9 +226,12 @@ class RayLength:
     ----------
     exponent
         Of |m|: 1 for the length of the ray, -1 where z was taken for that length and divided by |m|.
+    rows
+        The frames; None: all.
     """
 
     exponent: float = 1.0
+    rows: RowRange | None = None
     cause: ClassVar[str] = "depth_ray_not_z"
     stream: ClassVar[str] = "depth"
     magnitude: ClassVar[None] = None
@@ -251,7 +254,7 @@ class RayLength:
         rays[..., 0], rays[..., 1] = undistorted(camera.lens, rays[..., 0], rays[..., 1])
         # Ray length / z-depth = |m| with the ray m, of z = 1, and integer coordinates at pixel centres.
         factors = np.linalg.norm(rays, axis=-1) ** exponent
-        return Fault(description, {_DEPTH: in_rows(lambda depth: depth * factors, None)})
+        return Fault(description, {_DEPTH: in_rows(lambda depth: depth * factors, self.rows)})
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.faults.fault import Alteration, Fault, InapplicableError, row_keys, rows_from, streams_in, value_keys
+from fedora_qa.faults.fault import (
+    Alteration,
+    Fault,
+    InapplicableError,
+    Read,
+    RowRange,
+    row_keys,
+    rows_from,
+    streams_in,
+    value_keys,
+    within,
+)
 from fedora_qa.faults.index_maps import with_following_maps
 from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS
 from fedora_qa.layout.canonical import FRAMES_OF_MAP, timestamps_of
@@ -190,6 +201,62 @@ class SwappedFrames:
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Exchange them again: the exchange is its own inverse."""
         return self.plant(facts, sequence)
+
+
+@dataclass(frozen=True, slots=True)
+class DelayedFrames:
+    """Depth frames of a range of rows hold the values of other frames, some rows before or after them.
+
+    Attributes
+    ----------
+    frames
+        By which values are late; negative: early.
+    offset_ms
+        The same, ms.
+    rows
+        The frames. Those that the values of others have replaced, at one end of them, are lost.
+    """
+
+    frames: int
+    offset_ms: float
+    rows: RowRange
+    stream: ClassVar[str] = "depth"
+    cause: ClassVar[str] = "time_offset"
+
+    @property
+    def magnitude(self) -> float:
+        """Offset, ms."""
+        return self.offset_ms
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Replace the values; where the file has no frame so far away, they stay."""
+        key, count = self._key_and_count(facts)
+        description = f"depth frames hold the values of row n {-self.frames:+d}"
+        return Fault(description, {key: rows_from(self._moved_by(-self.frames), count)})
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Return the values to their frames; lost ones become NaN."""
+        key, count = self._key_and_count(facts)
+        restore = rows_from(self._moved_by(self.frames), count)
+        start, stop = self.rows[0], count if self.rows[1] is None else self.rows[1]
+        lost = (max(stop - self.frames, start), stop) if self.frames > 0 else (start, min(start - self.frames, stop))
+
+        def alter(read: Read, first: int, last: int) -> NDArray[Any]:
+            frames = restore(read, first, last)
+            is_lost = within(np.arange(first, last), lost).reshape(-1, *(1,) * (frames.ndim - 1))
+            return np.where(is_lost, frames.dtype.type(np.nan), frames)
+
+        until = "the end" if self.rows[1] is None else self.rows[1] - 1
+        description = f"depth of rows {self.rows[0]} to {until} {self.offset_ms:.4g} ms earlier"
+        return Fault(description, {key: alter})
+
+    def _key_and_count(self, facts: Facts) -> tuple[str, int]:
+        streams_in(facts, self.stream)
+        (key,) = value_keys(facts, self.stream)
+        return key, facts.sizes[key]
+
+    def _moved_by(self, frames: int) -> Source:
+        return lambda rows: np.where(within(rows, self.rows), rows + frames, rows)
 
 
 def _looked_up(source: Int64) -> Source:

@@ -48,6 +48,7 @@ def _every(cause: str, entry: TableEntry, streams: Iterable[str] | None = None) 
 FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
     {
         **_every("time_offset", (clocks.ClockShift,)),
+        ("time_offset", "depth"): (clocks.ClockShift, row_order.DelayedFrames),
         **_every("clock_rate", (clocks.ClockRate,)),
         **_every("dropped_samples", WithoutInverse("The missing samples are not stored.")),
         **_every("duplicated_samples", (row_order.DuplicatedSamples,)),

@@ -9,6 +9,7 @@ from fedora_qa.checks.depth.parameters import ResidualReduction
 from fedora_qa.checks.depth.range import DepthExtent
 from fedora_qa.checks.depth.scale import PathScale
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
+from fedora_qa.record.types import Where
 from fedora_qa.views.depth_conventions import DepthTrial, Extent, PairTrials, Transform
 from tests.support.proposals import named, proposed
 
@@ -156,6 +157,19 @@ def test_single_frames_spoil_few_pairs_and_other_faults_most(off: int, exchanged
     assert (supports.get("swapped_frames", 0.0), supports.get("mirrored", 0.0)) == tuple(
         value if value >= 0.6 else 0.0 for value in (exchanged, mirrored)
     )
+
+
+@pytest.mark.parametrize(("last", "lasts"), [(10, True), (12, False), (7, False)], ids=["run", "apart", "few"])
+def test_pairs_next_to_each_other_have_a_fault_that_lasts(last: int, lasts: bool) -> None:
+    """More of them than exchanged frames affect; one frame of the pair at either end of the time has the fault."""
+    where = Where(stream="depth", index_start=4, index_stop=last + 1)
+    ray, order = trial("ray_length"), trial("frame_order", 0.9, 1.0)
+    pairs = PairTrials(4, (trial("ray_length", 0.9, extent="part"),)), PairTrials(6, (ray, order))
+    hypotheses = proposed(
+        "depth.consistency.frame", PairsOff(last - 4 if lasts else 3, 50, 0), *pairs, stream="depth", where=where
+    )
+    named_first = max(hypotheses, key=lambda hypothesis: hypothesis.support)
+    assert (named_first.cause == "depth_ray_not_z" and named_first.support == pytest.approx(0.95)) is lasts
 
 
 def test_a_part_of_the_image_is_a_fault_of_depth() -> None:

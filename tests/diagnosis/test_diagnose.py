@@ -357,6 +357,12 @@ def test_a_projection_in_order_contradicts_lengths_of_rays() -> None:
     ray = Result("depth.projection", "passed", "?")
     assert diagnosed(shown)[0].cause == "depth_ray_not_z"
     assert diagnosed(shown, results={ray.check: ray})[0].cause == "unknown"
+    for begins, cause in ((0, "unknown"), (7, "depth_ray_not_z")):
+        # Lengths of a part of the file alter the exponent of the whole by little.
+        where = Where(stream="depth", index_start=begins, index_stop=20)
+        finding = Finding("F9", "depth.consistency.frame", "error", "off", where)
+        pairs = Result("depth.consistency", "failed", "?", findings=(finding,))
+        assert diagnosed(shown, results={ray.check: ray, pairs.check: pairs})[0].cause == cause
 
 
 def test_what_another_fault_leaves_excludes_nothing() -> None:

@@ -21,8 +21,9 @@ from fedora_qa.faults.fault import is_of_part
 from fedora_qa.faults.images import RayLength
 from fedora_qa.faults.motion import AngleSense
 from fedora_qa.faults.pixels import PixelShift
+from fedora_qa.faults.row_order import DelayedFrames
 from fedora_qa.faults.table import faults_of
-from fedora_qa.faults.units import AngleUnit, FlowGain
+from fedora_qa.faults.units import AngleUnit, FlowGain, LengthUnit
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import timestamps_of
@@ -95,6 +96,37 @@ def test_rays_are_undone_in_the_direction_that_was_fitted(fitted: float, first: 
     results = dict([result("depth.projection", ray_exponent=fitted)])
     faults = list(faults_for("depth_ray_not_z", "depth", None, (), results, facts_of(memory_sequence())))
     assert faults == [RayLength(first), RayLength(-first)]
+
+
+def of_pairs(first: int, last: int) -> Alarm:
+    """Pairs of depth frames deviate, from that of the first frame to that of the last."""
+    code, where = "depth.consistency.frame", Where(stream="depth", index_start=first, index_stop=last + 1)
+    return Alarm(Finding("F1", code, "error", "off", where), Statistic("toy", 1.0, "1", 0.0, "off", code, where))
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "part"),
+    [(1, 3, (2, 3)), (0, 3, (0, 3)), (1, -1, (2, None)), (0, -1, None)],
+    ids=["within", "from the first frame", "to the last frame", "all"],
+)
+def test_a_fault_of_depth_is_undone_between_the_pairs_that_deviate(
+    first: int, last: int, part: tuple[int, int | None] | None
+) -> None:
+    """Where a fault begins and ends, one frame of a pair has it; at an end of the file no pair shows that."""
+    facts = facts_of(memory_sequence())
+    count = len(facts.clocks["depth"].times_ns)
+    alarms = (of_pairs(first, last % count),)
+    period_ms = float(np.median(np.diff(facts.clocks["depth"].times_ns))) / NS_PER_MS
+
+    def undone(cause: str, size: float | None) -> list[object]:
+        return [fault for fault in faults_for(cause, "depth", size, alarms, {}, facts) if is_of_part(fault)]
+
+    of_part = [part] if part else []
+    assert undone("depth_ray_not_z", None) == [RayLength(1.0, rows) for rows in of_part]
+    assert undone("unit_mm_m", 1000.0) == [LengthUnit("depth", 1000.0, rows) for rows in of_part]
+    delayed = [DelayedFrames(-2, -2 * period_ms, rows) for rows in of_part]
+    assert undone("time_offset", -2.01 * period_ms) == delayed
+    assert not undone("time_offset", -1.5 * period_ms)
 
 
 def test_factors_of_both_axes_are_undone_first() -> None:

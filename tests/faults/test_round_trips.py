@@ -56,7 +56,7 @@ from fedora_qa.faults.motion import (
     Teleport,
 )
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
-from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
+from fedora_qa.faults.row_order import DelayedFrames, DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.faults.units import LENGTHS, AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
 from tests.support.memory_sequence import FLOW_STRIDES, MS, MemorySequence, all_rows, facts_of, memory_sequence
@@ -142,6 +142,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(DuplicatedSamples, st.sampled_from(TIMED[:5]), st.integers(0, 3), few_or_all, st.booleans()), exact),
     (st.builds(DuplicatedSamples, flows), exact),
     (st.builds(SwappedFrames, st.sampled_from(["rgb", "depth", "flow/50hz"]), st.just(((0, 2), (1, 3)))), exact),
+    (st.builds(DelayedFrames, st.sampled_from([1, -1]), st.just(20.0), st.just((2, 5))), kept),
     (st.builds(IndexShift, st.sampled_from(MAPS), st.integers(-9, 9), ranges), exact),
     (st.builds(IndexSide, st.sampled_from(["rgb_to_event", "depth_to_event"])), exact),
     (st.just(PolarityInversion()), exact),
@@ -194,7 +195,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(PowerCurve, st.floats(0.5, 1.0)), Codes(2 * 0.5 + 0.5)),
     (st.builds(TransferMisdeclared, st.just("linear"), st.sampled_from(["srgb", "gamma2.2"])), exact),
     (st.builds(Vignetting, st.floats(0, 50)), Codes(2 * 0.5 + 0.5)),
-    (st.builds(RayLength, st.sampled_from([-1.0, 1.0, 2.0])), rounded),
+    (st.builds(RayLength, st.sampled_from([-1.0, 1.0, 2.0]), ranges), rounded),
     (st.builds(InvalidCode, st.sampled_from(["depth", *FLOWS]), st.sampled_from([0.0, np.inf])), exact),
 ]  # fmt: skip
 """Strategies of faults, and how far the rows may differ after planting and undoing."""

@@ -19,9 +19,10 @@ def proposed(
     name: str = "value",
     standard_error: float = 0.01,
     facts: Facts | None = None,
+    where: Where | None = None,
 ) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for a statistic that broke the rule ``code``, in a file that is exact otherwise."""
-    where = Where(stream=stream)
+    where = where or Where(stream=stream)
     statistic = Statistic(name, value, "1", standard_error, "off", code, where, expected=expected, features=features)
     return hypotheses_of(Alarm(Finding("F1", code, "error", "off", where), statistic), facts or exact_facts())
 
