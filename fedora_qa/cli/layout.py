@@ -15,7 +15,7 @@ from fedora_qa.cli.isolated import run_isolated_light
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import external_folders
-from fedora_qa.errors import UnreadableFileError
+from fedora_qa.errors import UnreadableFileError, first_line
 from fedora_qa.layout.describe import DatasetRow, Description, describe
 from fedora_qa.layout.dialect import DialectChoice, load_choice, split_choice
 from fedora_qa.layout.draft import draft_dialect
@@ -110,16 +110,16 @@ def _describe_file(
             draft = draft_folder(file, draft_name) if draft_name else ""
             return Description("unknown", (), absent, files, (), (), ()), draft
         with closing(OpenFolder(matched)) as folder:
-            description = describe(folder, resolve(folder, dialect, external_files))
+            description = describe(folder, resolve(folder, dialect, external_files), external_files)
         return description, draft_folder(file, draft_name) if draft_name else ""
     try:
         # The real path, because HDF5 searches for external files beside the name by which it was given this one.
         # Best-effort locking, because a read-only file system grants no locks.
         with h5py.File(file.resolve(), "r", locking="best-effort") as opened:
-            description = describe(opened, resolve(opened, dialect, external_files))
+            description = describe(opened, resolve(opened, dialect, external_files), external_files)
             return description, draft_dialect(opened, draft_name) if draft_name else ""
     except OSError as error:
-        raise UnreadableFileError(f"Expected a complete HDF5 file, got: {str(error).splitlines()[0]}") from None
+        raise UnreadableFileError(f"Expected a complete HDF5 file, got: {first_line(error)}") from None
 
 
 def _storage(row: DatasetRow) -> str:

@@ -6,14 +6,17 @@ from typing import Final
 
 import h5py
 
+from fedora_qa.layout.binding import stored_dataset
 from fedora_qa.layout.canonical import spec_of
+from fedora_qa.layout.conversions import ConversionName
 from fedora_qa.layout.decodable import filters_of
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, form_of
+from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.hdf5_objects import text_attribute, walk
 from fedora_qa.layout.resolve import Layout
 
-_CONVERSIONS: Final[Mapping[str, str]] = {
+_CONVERSIONS: Final[Mapping[ConversionName, str]] = {
     "": "",
     "flow16": "flow of 16 bits to px",
     "disparity": "disparity to depth",
@@ -21,6 +24,7 @@ _CONVERSIONS: Final[Mapping[str, str]] = {
     "matrix4": "part of 4 x 4 transformations",
     "chw": "channels first to channels last",
     "until_next": "instants to intervals",
+    "turned": "axes of the sensor to those of the body",
     "event_not_before": "names the first event not before, 0 where none is left",
     "event_before": "names the last event before",
     "event_after": "names the first event after",
@@ -86,8 +90,8 @@ class Description:
     inferred: tuple[tuple[str, str | float], ...]
 
 
-def describe(file: h5py.File | OpenFolder, layout: Layout) -> Description:
-    """Describe the layout that ``resolve`` returned for a file or folder."""
+def describe(file: h5py.File | OpenFolder, layout: Layout, external_files: ExternalFiles | None = None) -> Description:
+    """Describe the layout that ``resolve`` returned for a file or folder with the same ``external_files``."""
     unused: tuple[str, ...]
     unseen: tuple[str, ...]
     if isinstance(file, OpenFolder):
@@ -99,7 +103,9 @@ def describe(file: h5py.File | OpenFolder, layout: Layout) -> Description:
     for binding in layout.bindings.values():
         dataset: h5py.Dataset | None = None
         if binding.outside is None:
-            dataset = (file.hdf5[binding.role] if isinstance(file, OpenFolder) else file)[binding.path]
+            holder = file.hdf5[binding.role] if isinstance(file, OpenFolder) else file
+            # HDF5 itself would follow a link, and search for its file in more places than those that are allowed.
+            dataset = stored_dataset(external_files.holding(holder, binding) if external_files else holder, binding)
         # A registered name may carry a remark behind a semicolon ("bitshuffle; see https://...").
         filters = [] if dataset is None else [name.split(";")[0].strip() for _, name in filters_of(dataset)]
         codec = " + ".join(filters) or "none"
