@@ -235,7 +235,10 @@ def _form(path: Path, file: BinaryIO) -> ImageForm:
         raise SourceError(
             "unreadable", "corrupt_chunk", f"Expected a PNG or JPEG image, got something else: {path.name}"
         )
-    if not channels or not 0 < width * height <= LARGEST_PIXELS:
+    if not channels:
+        message = f"Expected {path.name} as a grey or colour image, got channels that are not read; convert it to RGB"
+        raise SourceError("wrong_shape", "wrong_shape", message)
+    if not 0 < width * height <= LARGEST_PIXELS:
         message = f"Expected {path.name} in {LARGEST_PIXELS} pixels at most, got {width} x {height}"
         raise SourceError("too_large", "wrong_shape", message)
     return ImageForm((height, width) if channels == 1 else (height, width, channels), dtype)

@@ -92,6 +92,11 @@ def _parsed(path: Path, changed_ns: int) -> NDArray[Any]:
     body = kept[head:]
     if not body:
         return np.empty((0, 1), np.int64)
+    # A first column of names looks like a head without end: what stood in it would be lost, row by row.
+    first = body[0].split()[0]
+    if not _is_number(first):
+        message = f"Expected rows that begin with a number in {path.name}, got {first!r}; put columns of names last"
+        raise SourceError("wrong_dtype", "wrong_dtype", message)
     columns = len(body[0].split())
     if columns > MOST_COLUMNS:
         raise SourceError(

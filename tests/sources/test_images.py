@@ -144,6 +144,18 @@ def test_jpeg_and_png_state_their_size(suffix: str, tmp_path: Path) -> None:
         assert read_image(path, form).shape == shape
 
 
+def test_channels_that_are_not_read(tmp_path: Path) -> None:
+    """A JPEG of four components, as CMYK has, is refused for them, not for its size."""
+    path = tmp_path / "0.jpg"
+    assert cv2.imwrite(str(path), np.full((11, 13, 3), 90, np.uint8))
+    content = bytearray(path.read_bytes())
+    # The number of components follows marker, length, precision, height and width (ITU T.81, B.2.2).
+    content[content.index(b"\xff\xc0") + 9] = 4
+    path.write_bytes(bytes(content))
+    with pytest.raises(SourceError, match="got channels that are not read; convert it to RGB"):
+        image_form(path)
+
+
 @pytest.fixture
 def sound(tmp_path: Path) -> Path:
     path = tmp_path / "000000.png"

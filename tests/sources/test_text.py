@@ -29,6 +29,7 @@ def write(folder: Path, content: str | bytes) -> Path:
         ("\ufefft x\n1 0.5\n", [[1.0, 0.5]]),
         ("1 2 # remark\n", [[1, 2]]),
         ("nan 1\n", [[float("nan"), 1.0]]),
+        ("time file\n1 a.png\n2 b.png\n", [[1, 0], [2, 0]]),
     ],
 )
 def test_forms(content: str, rows: list[list[float]], tmp_path: Path) -> None:
@@ -68,6 +69,8 @@ def test_empty(tmp_path: Path) -> None:
         ("1\nx\n", "numbers in every row"),
         (b"\xff\xfe\x00", "numbers as text"),
         (" ".join("1" * 65), "64 columns at most"),
+        ("".join(f"{i}.png {i}\n" for i in range(9)), "begin with a number in times.txt, got '8.png'; put columns"),
+        ("".join(f"{i}.png\n" for i in range(9)), "begin with a number"),
     ],
 )
 def test_refusals(content: str | bytes, words: str, tmp_path: Path) -> None:
