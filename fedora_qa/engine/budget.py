@@ -326,7 +326,11 @@ class _BudgetedFile:
         """Return the requests to a server for passes over windows."""
         if not isinstance(self._path, RemoteFile):
             return NO_TRAFFIC
-        traffic: Traffic = self._do(Task(TRAFFIC_OF, (parts,)), "being judged")
+        try:
+            traffic: Traffic = self._do(Task(TRAFFIC_OF, (parts,)), "being judged")
+        except _GivenUpError:
+            # Only the count is lost: the record stands.
+            return NO_TRAFFIC
         return traffic
 
     def _discard(self, parts: Sequence[Kept]) -> None:

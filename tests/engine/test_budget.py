@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.engine.budget import visiting_order
-from fedora_qa.engine.executors.executor import FINISH_FILE, MEASURE_WINDOWS, Executor, InProcess, Task
+from fedora_qa.engine.executors.executor import FINISH_FILE, MEASURE_WINDOWS, TRAFFIC_OF, Executor, InProcess, Task
 from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
@@ -280,3 +280,22 @@ def test_all_windows_lost_is_no_crash_of_checks(many_windows: Path, monkeypatch:
     assert outcomes["windows"] == "crashed"
     assert outcomes["test.counts"] != "crashed"
     assert run.record.verdict == "incomplete"
+
+
+def test_a_count_of_traffic_that_is_lost_leaves_the_record(many_windows: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where every process that counts requests to a server dies, the file is judged all the same."""
+    replace_checks(monkeypatch, Counts())
+    # Any path counts as one behind a URL.
+    monkeypatch.setattr("fedora_qa.engine.budget.RemoteFile", Path)
+
+    class Uncounted(Travels):
+        def submit(self, task: Task, progress: Progress) -> Future[Any]:
+            if task.function == TRAFFIC_OF:
+                future: Future[Any] = Future()
+                future.set_exception(WorkerLostError("lost"))
+                return future
+            return super().submit(task, progress)
+
+    run = run_of(many_windows, 3600.0, Uncounted())
+    assert seen(run) == list(range(51))
+    assert run.record.verdict == "clean"
