@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.comparison.types import ComparedFile, Design, Subject
 from fedora_qa.evidence.value_counts import octave_edges
+from fedora_qa.layout.canonical import flow_rate_hz, is_flow_stream
 from fedora_qa.record.evidence import DISTRIBUTIONS, QUANTITIES, named
 from fedora_qa.record.types import FileRecord, Scalar
 
@@ -140,11 +141,11 @@ def _counts_in_all_bins(arrays: Mapping[str, NDArray[Any]], name: str, blocks: i
     return whole if whole.any() else None
 
 
-def _order(quantity: str) -> tuple[int, int, str]:
+def _order(quantity: str) -> tuple[int, float, str]:
     """Order quantities: flow by rate, then the others as the record lists them."""
-    if quantity.startswith(_FLOW):
-        rate = quantity.removeprefix(_FLOW).removesuffix("hz")
-        return 0, int(rate) if rate.isdecimal() else 0, quantity
+    stream = quantity.replace(_FLOW, "flow/", 1)
+    if is_flow_stream(stream):
+        return 0, flow_rate_hz(stream), quantity
     quantities = list(QUANTITIES)
     return 1, quantities.index(quantity) if quantity in quantities else len(quantities), quantity
 

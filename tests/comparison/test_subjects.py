@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import wasserstein_distance
 
-from fedora_qa.comparison.subjects import mean_of, shares_of, wasserstein
+from fedora_qa.comparison.subjects import mean_of, sampled_counts_of, shares_of, wasserstein
 from fedora_qa.evidence.value_counts import count_values, octave_counts, octave_edges
 
 EDGES = octave_edges()
@@ -54,3 +54,14 @@ def test_a_shift_is_its_own_distance() -> None:
 def test_wide_bins_hold_what_lies_in_them(values: np.ndarray) -> None:
     """Each bin counts the values between its edges, as numpy counts them."""
     assert np.array_equal(octave_counts(count_values(values)), np.histogram(values.astype(np.float32), EDGES)[0])
+
+
+def test_flow_is_in_the_order_of_its_rates() -> None:
+    """A rate with a fraction has its place between whole ones; flow comes before what is no flow."""
+    arrays = {"distributions/blocks_ns": np.array([[0, 8]])}
+    for name in ("depth_m", "flow_100hz", "flow_12.5hz", "flow_10hz", "flow_25hz"):
+        arrays |= {f"distributions/{name}/counts": np.ones((1, len(EDGES) - 1), np.int64)}
+        arrays |= {f"distributions/{name}/edges": EDGES}
+    counted = sampled_counts_of(arrays)
+    assert counted is not None
+    assert list(counted.counts) == ["flow_10hz", "flow_12.5hz", "flow_25hz", "flow_100hz", "depth_m"]
