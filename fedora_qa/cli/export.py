@@ -8,7 +8,7 @@ import click
 from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.engine.executors.executor import Task, Worker
+from fedora_qa.engine.executors.executor import Task, Worker, opening_test
 from fedora_qa.errors import MisuseError, UnreadableRowsError
 from fedora_qa.exporting.dsec import write_dsec
 from fedora_qa.exporting.tum import write_tum
@@ -29,7 +29,9 @@ def run_export(
         raise MisuseError(f"Expected an output outside of {source}, which is read, got {output}")
     choice = load_choice(dialect, metadata)
     with progress_bar(source.name) as bar:
-        rows: dict[str, int] = run_isolated(Task(_export, (source, output, form, choice)), source, None, bar)
+        rows: dict[str, int] = run_isolated(
+            Task(_export, (source, output, form, choice)), source, opening_test(source, choice), bar
+        )
     counted = ", ".join(f"{stream} {count}" for stream, count in rows.items())
     click.echo(unobeyed(f"{output} is written; rows: {counted}."))
     return CLEAN

@@ -86,6 +86,7 @@ OTHER_COMMANDS: Final[dict[str, tuple[list[str], Patch]]] = {
     "layout died": (["layout", "patched.h5"], patched.tree_that_holds_itself),
     "layout without end": (["layout", "patched.h5"], patched.name_heap_without_end),
     "stats": (["stats", "patched.h5"], patched.text_heap_without_end),
+    "export": (["export", "patched.h5", "out", "--to", "dsec"], patched.name_heap_without_end),
     "extract": (["extract", "patched.h5", "F1", "-o", "piece.h5"], patched.name_heap_without_end),
     "compare died": (["compare", "clean.h5", "patched.h5", "--json", "c.json"], patched.tree_that_holds_itself),
     "compare without end": (["compare", "patched.h5", "clean.h5", "--html", "c.html"], patched.text_heap_without_end),
