@@ -5,7 +5,7 @@ import json
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import ClassVar, Final, Literal
 
 from pydantic import ConfigDict, TypeAdapter
@@ -143,7 +143,7 @@ def read_policy(path: Path) -> Policy:
                 f"Expected every check in 'required_checks' to be run, got {left_out}, left out by 'check'"
             )
     for pattern in policy.files:
-        if not pattern or PurePosixPath(pattern).is_absolute() or ".." in PurePosixPath(pattern).parts:
+        if not is_plain(pattern):
             raise MisuseError(f"Expected patterns beneath the folder in 'files', got {pattern!r}")
     for document in (policy.documents.datasheet, policy.documents.licence, policy.documents.checksums):
         if document is not None and not is_plain(document):

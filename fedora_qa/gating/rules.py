@@ -254,7 +254,8 @@ def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) ->
         unlisted = [part for part in parts if part not in listed]
         if unlisted:
             message = f"Expected all {len(parts)} files of the sequence in {path.name}, got no line for {unlisted[0]}"
-            violations.append(Violation(name, "unlisted", f"{message}, nor for {len(unlisted) - 1} others"))
+            others = f", nor for {len(unlisted) - 1} others" if len(unlisted) > 1 else ""
+            violations.append(Violation(name, "unlisted", message + others))
     for name in sorted(digests.keys() - listed.keys() - folders):
         violations.append(Violation(name, "unlisted", f"Expected the sequence in {path.name}, got no line for it"))
     for name, digest in listed.items():

@@ -51,6 +51,17 @@ def test_unlisted_sequence(folder: Path) -> None:
     assert broken(folder) == [("a b.h5", "unlisted")]
 
 
+@pytest.mark.parametrize(("unlisted", "ending"), [(1, "d/0.h5"), (3, "d/0.h5, nor for 2 others")])
+def test_unlisted_files_of_a_folder(unlisted: int, ending: str, tmp_path: Path) -> None:
+    """The first is named, and the others are counted where there are any."""
+    (tmp_path / "d").mkdir()
+    for number in range(unlisted):
+        (tmp_path / f"d/{number}.h5").write_text("x")
+    (tmp_path / "SHA256SUMS").touch()
+    (violation, *_) = rule_on_checksums(tmp_path, "SHA256SUMS", {"d": "0"}).violations
+    assert violation.message.endswith(f"got no line for {ending}")
+
+
 def test_no_listing_lists_nothing(folder: Path) -> None:
     """Without the file every sequence is unlisted."""
     (folder / "SHA256SUMS").unlink()

@@ -54,6 +54,7 @@ REFUSED = {
     "required and left out": ('required_checks = ["imu.noise"]\n[check]\nignore = ["imu"]', "imu.noise, left out"),
     "no expression": ('naming = "("', "'naming'"),
     "pattern out of the folder": ('files = ["../*.h5"]', "'../*.h5'"),
+    "pattern with a backslash": ("files = ['a\\*.h5']", r"'a\\*.h5'"),
     "document out of the folder": ('[documents]\nlicence = "../LICENSE"', "'../LICENSE'"),
     "no amount": ('[check]\nmemory = "1000"', "'1000'"),
     "waiver without a target": (WAIVER, "either a code or a cause"),
