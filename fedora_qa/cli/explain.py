@@ -7,11 +7,12 @@ import click
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.causes import CAUSES
+from fedora_qa.causes import CAUSES, allowed
 from fedora_qa.check_names import require_check_names
 from fedora_qa.checks.explanation import Explanation, published_explanations
 from fedora_qa.cli.console import stdout_console
 from fedora_qa.cli.options import complete_explained
+from fedora_qa.errors import MisuseError
 
 
 @click.command()
@@ -39,8 +40,11 @@ def explain(name: str) -> int:
     A CAUSE, such as events:time_offset or time_offset, is explained with its size and its remedy.
     """
     console = stdout_console()
-    cause = CAUSES.get(name.rpartition(":")[2])
+    stream, colon, identifier = name.rpartition(":")
+    cause = CAUSES.get(identifier)
     if cause is not None:
+        if colon and not allowed(identifier, stream):
+            raise MisuseError(f"Expected a stream of {identifier} ({', '.join(cause.streams)}), got {stream!r}")
         console.print(Text(cause.identifier, style="bold"))
         console.print(Text(f"befalls: {', '.join(cause.streams)}", style="dim"))
         size = "a pure number" if cause.unit == "1" else f"in {cause.unit}"

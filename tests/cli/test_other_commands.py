@@ -68,6 +68,10 @@ def test_explain_a_cause(fedora_qa: Command) -> None:
     for words in ("Timestamps are late by a constant.", "In ms; positive means", CAUSES["time_offset"].remedy):
         assert words in done.out
     assert fedora_qa("explain", "time_ofset").err.endswith("did you mean 'time_offset'?\n")
+    assert fedora_qa("explain", "flow/10hz:time_offset").code == 0
+    misspelt = fedora_qa("explain", "event:time_offset")
+    assert misspelt.code == 2
+    assert "Expected a stream of time_offset (rgb, depth, events, imu, pose, flow), got 'event'" in misspelt.err
 
 
 def test_explain_a_subject(fedora_qa: Command) -> None:
