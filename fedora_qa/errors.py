@@ -27,8 +27,8 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
 
 
 def first_line(error: BaseException) -> str:
-    """Return the first line of the text of an error, or its type where it has no text."""
-    return (str(error).splitlines() or [type(error).__name__])[0]
+    """Return the first line with text of an error, or its type where it has none."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
 class FedoraError(Exception):

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from fedora_qa.errors import MisuseError
+from fedora_qa.errors import MisuseError, first_line
 from fedora_qa.importing.recording import Block, Recording, Resolution
 from fedora_qa.importing.ros1_bag import Ros1Bag
 from fedora_qa.importing.ros_messages import (
@@ -283,8 +283,7 @@ def _reading(path: Path) -> Iterator[None]:
         raise
     # A damaged bag raises errors of many packages: of rosbags, of codecs, of SQLite, of YAML, and plain ones.
     except Exception as error:
-        reason = (str(error).splitlines() or [""])[0] or type(error).__name__
         raise MisuseError(
-            f"Expected a whole ROS bag, got: {reason}: {path}; copy it again, or reindex it (rosbag reindex, "
-            "ros2 bag reindex)"
+            f"Expected a whole ROS bag, got: {first_line(error)}: {path}; copy it again, or reindex it "
+            "(rosbag reindex, ros2 bag reindex)"
         ) from error

@@ -27,8 +27,9 @@ class FolderFile:
 def list_files(folder: Path) -> tuple[FolderFile, ...]:
     """Return the regular files below a folder, in the order of their names.
 
-    Hidden files and folders are left out: programs keep their own there. A link counts as what it leads to if that lies
-    in the folder as well. Any other link is left out, as a folder must not decide which files outside of it are read.
+    Hidden files and folders are left out: programs keep their own there. A link to a file counts as that file if it
+    lies in the folder as well. Links to folders, and links that lead out, are left out: a folder must not decide which
+    files outside of it are read.
 
     Raises
     ------
