@@ -1,4 +1,4 @@
-"""Errors of flow, depth and trajectories, and their sums, which merge exactly and depend on no order.
+"""Errors of flow, depth and trajectories, and their sums, which depend on no order.
 
 Sums are stated apart for near and far pixels, beside edges of depth, and on moving objects. A stereo pair of baseline B
 sees the disparity f B / Z in px. So the normalised error of 1 / Z is that of a disparity in px as well. The definition
@@ -140,8 +140,8 @@ def by_motion(moving: NDArray[Any]) -> Partition:
 class ErrorSums:
     """Sums of several quantities over the pixels of each part, of every field apart.
 
-    Totals add the sums of all fields with one rounding (``math.fsum``). So they depend neither on the order of the
-    fields nor on which of them were summed together.
+    Totals add the sums of all fields with one rounding (``math.fsum``). So they do not depend on the order of the
+    fields.
     """
 
     def __init__(self) -> None:
@@ -175,15 +175,6 @@ class ErrorSums:
                 fields = self._fields.setdefault((partition.split, part), [])
                 if count:
                     fields.append(tuple(totals.tolist()))
-
-    def merged(self, other: "ErrorSums") -> "ErrorSums":
-        """Return the sums over the fields of both."""
-        both = ErrorSums()
-        both._quantities = self._quantities or other._quantities
-        for side in (self, other):
-            for key, fields in side._fields.items():
-                both._fields.setdefault(key, []).extend(fields)
-        return both
 
     def totals(self) -> dict[PartKey, dict[str, float]]:
         """Return the total of each quantity by part, ``all`` first; a part without a valid pixel has none."""

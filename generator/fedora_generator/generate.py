@@ -65,8 +65,6 @@ class Summary:
 
     frames: int
     events: int
-    rendered_event_pixels: int
-    """How often any pixel of the event camera was rendered"""
     size_bytes: int
 
 
@@ -126,15 +124,15 @@ def generate_sequence(
             write_imu_stream(file, scene, duration_us, _seed(scene, _IMU_KEY))
         if "pose" in request.streams:
             write_pose_stream(file, scene, duration_us, _seed(scene, _POSE_KEY))
-        frames, events, rendered_pixels = 0, 0, 0
+        frames, events = 0, 0
         if drawn:
             # Positions (frames, 3) of the camera, near which textures must be fine.
             camera, flight = colour_camera(scene.camera), scene.fly()
             frames_us = pieces(timestamps_us(duration_us, max(scene.rates.frames_hz, scene.rates.of_depth_hz)))
             path_world_m = np.concatenate([camera.poses_at(flight, times_us)[:, :3, 3] for times_us in frames_us])
             world = render_surroundings(scene, surroundings, request.quality, path_world_m)
-            frames, events, rendered_pixels = _walk(file, scene, world, duration_us, request, report)
-    return Summary(frames, events, rendered_pixels, target.stat().st_size)
+            frames, events = _walk(file, scene, world, duration_us, request, report)
+    return Summary(frames, events, target.stat().st_size)
 
 
 def require_possible(scene: Scene, target: Path, duration_us: int, streams: frozenset[str], *, overwrite: bool) -> None:
@@ -208,8 +206,8 @@ def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: 
 
 def _walk(
     file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, request: Request, progress: Progress
-) -> tuple[int, int, int]:
-    """Render frames and events in the order of time; return the numbers of frames, events and rendered event pixels."""
+) -> tuple[int, int]:
+    """Render frames and events in the order of time; return the numbers of frames and events."""
     frames = create_frames(file, scene, world, duration_us, request.streams)
     recorder: EventRecorder | None = None
     if "events" in request.streams:
@@ -223,10 +221,10 @@ def _walk(
         frames.render(timestamp_us)
         progress(timestamp_us)
     if recorder is None:
-        return len(instants_us), 0, 0
+        return len(instants_us), 0
     recorder.run_to(duration_us)
     recorder.finish()
-    return len(instants_us), recorder.events, recorder.rendered_pixels
+    return len(instants_us), recorder.events
 
 
 def _seed(scene: Scene, key: int) -> np.random.SeedSequence:

@@ -69,20 +69,17 @@ class DaskExecutor:
 
     def __init__(self, address: str) -> None:
         try:
-            import dask  # noqa: PLC0415 - an extra
             import distributed  # noqa: PLC0415 - an extra
             from distributed.comm.addressing import get_address_host_port  # noqa: PLC0415 - an extra
         except ImportError:
             raise MisuseError("Expected Dask for --dask; install it: pip install 'fedora-qa[dask]'") from None
         self.peak_memory_mib = 0
         self._address = address
-        self._dask: Any = dask
-        self._distributed: Any = distributed
         try:
             # A plain connection first, which raises ``OSError`` or ``ValueError`` where nothing listens: a Dask client
             # that could not connect logs its failure again at exit.
             socket.create_connection(get_address_host_port(address), timeout=_CONNECT_S).close()
-            self._client: Any = self._distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+            self._client: Any = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as problem:
             raise MisuseError(f"Expected a Dask scheduler at {address}, got: {problem}") from None
         self._code = code_digest()

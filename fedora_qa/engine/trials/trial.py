@@ -54,15 +54,13 @@ _SHARE_OF_A_FAULT: Final = 0.5
 
 @dataclass(slots=True)
 class TrialWork:
-    """Windows for one check that trials may still measure (``left``), and that they have measured (``done``)."""
+    """Windows for one check that trials may still measure."""
 
     left: int
-    done: int = 0
 
     def take(self, windows: int) -> None:
         """Count windows that are measured."""
         self.left -= windows
-        self.done += windows
 
 
 @dataclass(slots=True)

@@ -55,7 +55,6 @@ class EventRecorder:
         self._columns = EventColumns(file)
         self._maps = {key: (size, IndexMap(timestamps)) for key, (size, timestamps) in maps.items()}
         self._now_us = 0
-        self._images = 1
         write_camera(file, "events", self._camera)
         write_events(file, scene, self._sensor.hot_pixels)
         self._sensor.start(0, self._luma_dn(0))
@@ -65,12 +64,6 @@ class EventRecorder:
         """Events recorded so far."""
         return self._columns.rows
 
-    @property
-    def rendered_pixels(self) -> int:
-        """Pixels rendered so far."""
-        followed = 0 if self._follower is None else self._follower.rendered_pixels
-        return self._images * self._camera.width * self._camera.height + followed
-
     def run_to(self, stop_us: int) -> None:
         """Record the events up to and including ``stop_us``."""
         if stop_us == self._now_us:
@@ -79,7 +72,6 @@ class EventRecorder:
             self._keep(self._sensor.follow(stop_us * NS_PER_US, self._follower))
         else:
             for time_us in self._sampling.times_us(self._now_us, stop_us).tolist():
-                self._images += 1
                 self._keep(self._sensor.advance(time_us * NS_PER_US, self._luma_dn(time_us)))
         self._now_us = stop_us
 
