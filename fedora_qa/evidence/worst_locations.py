@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_US
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.pictures import block_px, picture_shape
 from fedora_qa.evidence.snapshot import (
@@ -284,7 +283,7 @@ def _instant_ns(where: Where, rows: Mapping[str, int], facts: Facts) -> int | No
         first, stop = where.index_start, where.index_stop
         is_single_field = where.stream in facts.flow_streams and (stop is None or first is None or stop - first == 1)
         stop_us = where.start_us if where.stop_us is None or is_single_field else where.stop_us
-        return round(((where.start_us + stop_us) / 2 - facts.origin_us) * NS_PER_US)
+        return facts.from_file_us((where.start_us + stop_us) / 2)
     clock = facts.clocks.get(where.stream or "")
     if clock is None or where.index_start is None or not _has_row(facts, where.stream or "", where.index_start):
         return None

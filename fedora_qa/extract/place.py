@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.conventions import NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import FRAMES_OF_MAP, MS_TO_EVENT, spec_of, timestamps_of
 from fedora_qa.record.types import Where
@@ -82,7 +81,7 @@ def place_of(where: Where, check: str, scanned: Scan) -> FindingPlace:
     times: tuple[int, int] | None = None
     if where.start_us is not None:
         stop_us = where.start_us if where.stop_us is None else where.stop_us
-        times = _from_origin_ns(where.start_us, scanned), _from_origin_ns(stop_us, scanned)
+        times = scanned.facts.from_file_us(where.start_us), scanned.facts.from_file_us(stop_us)
     elif rows is not None:
         row_times = [_time_of_row(rows[0], row, scanned) for row in (rows[1], rows[2] - 1)]
         # Timestamps may run backwards between the rows (a clock reset): the smaller of the two comes first.
@@ -153,11 +152,6 @@ def _busiest_ns(scanned: Scan, start_ns: int, stop_ns: int) -> int:
     counts = np.diff(np.append(runs.starts, runs.count))
     counts[(middles < start_ns) | (middles > stop_ns)] = 0
     return int(middles[np.argmax(counts)]) if counts.any() else halfway
-
-
-def _from_origin_ns(time_us: float, scanned: Scan) -> int:
-    # From us on the clock of the file to ns from its origin.
-    return round((time_us - scanned.facts.origin_us) * NS_PER_US)
 
 
 @dataclass(frozen=True, slots=True)

@@ -248,6 +248,10 @@ class Facts:
         """Return a time from the origin, ns, as us on the file's own clock."""
         return self.origin_us + time_ns / NS_PER_US
 
+    def from_file_us(self, time_us: float) -> int:
+        """Return a time on the file's own clock, us, as whole ns from the origin."""
+        return round((time_us - self.origin_us) * NS_PER_US)
+
     @property
     def maps_to_events(self) -> Mapping[str, IndexMap]:
         """The index maps of frames and, as ``ms_to_event``, that of milliseconds."""

@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 from functools import partial, reduce
 from typing import Any
 
-import numpy as np
-
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.measure import PassState, conclude, follow_up, measure, merge, start
 from fedora_qa.engine.options import Effort
@@ -190,11 +188,23 @@ def _outside(spans: Sequence[Span], inner: WindowPass | None) -> tuple[Sequence[
 
 def growing(chosen: Sequence[Span], place_ns: int) -> Iterator[Sequence[Span]]:
     """Yield the window of the place, then twice as many around it, and so on until all."""
-    centre = int(np.argmin([abs((span.start_ns + span.stop_ns) / 2 - place_ns) for span in chosen])) if chosen else 0
     count = 1
     while count < len(chosen):
-        # Clamped at both ends of the sequence, so that there are always ``count`` windows.
-        first = min(max(centre - count // 2, 0), len(chosen) - count)
-        yield chosen[first : first + count]
+        yield around(chosen, place_ns, count)
         count *= 2
     yield chosen
+
+
+def around(spans: Sequence[Span], place_ns: int, count: int) -> Sequence[Span]:
+    """Return ``count`` neighbouring windows around that of a place; all where there are no more."""
+    middles = [abs((span.start_ns + span.stop_ns) / 2 - place_ns) for span in spans]
+    centre = min(range(len(spans)), key=middles.__getitem__, default=0)
+    # Clamped at both ends of the sequence, so that there are always ``count`` windows.
+    first = min(max(centre - count // 2, 0), max(len(spans) - count, 0))
+    return spans[first : first + count]
+
+
+def busiest(spans: Sequence[Span]) -> Span:
+    """Return the window with most events of at least one; without events, the middle one."""
+    events = [stop - start for start, stop in (span.owned.get("events", (0, 0)) for span in spans)]
+    return spans[events.index(max(events)) if any(events) else len(spans) // 2]

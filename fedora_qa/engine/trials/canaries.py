@@ -11,15 +11,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from fedora_qa.catalogue import canary_of
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.measure import PassState, attempt
 from fedora_qa.engine.outcomes import crashed_result
 from fedora_qa.engine.plan import sees_every_window
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.trials.altered import PlainRun, WindowPass, growing
+from fedora_qa.engine.trials.altered import PlainRun, WindowPass, busiest, growing
 from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, PlantCanary, UnplantableError
 from fedora_qa.faults.fault import Fault
 from fedora_qa.record.types import Canary, Outcome, Result
@@ -41,12 +39,10 @@ def prove_alive(
 ) -> tuple[Proof, ...]:
     """Plant a canary for each check that has a result, and return which of them were detected."""
     by_name = {check.name: check for check in checks}
-    # The middle of the window with most events; without events, of the middle window.
     place_ns = 0
     if spans := run.planned(run.ready):
-        events = [stop - start for start, stop in (span.owned.get("events", (0, 0)) for span in spans)]
-        busiest = spans[int(np.argmax(events)) if any(events) else len(spans) // 2]
-        place_ns = (busiest.start_ns + busiest.stop_ns) // 2
+        span = busiest(spans)
+        place_ns = (span.start_ns + span.stop_ns) // 2
     proofs = []
     for done, result in enumerate(results):
         plant, reason = canary_of(result.check), ""

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation
-from fedora_qa.conventions import NS_PER_MS, NS_PER_US
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.conclusion import DeviationChange, UndoTrial
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.engine.trials.altered import PlainRun
+from fedora_qa.engine.trials.altered import PlainRun, busiest
 from fedora_qa.engine.trials.trial import TrialBench, check_of
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.pictures import block_px, mean_values
@@ -242,11 +242,10 @@ def _instant(diagnosis: Diagnosis, spans: Sequence[Span], facts: Facts) -> tuple
     where = diagnosis.where
     if where.start_us is not None:
         stop_us = where.start_us if where.stop_us is None else where.stop_us
-        time_ns = round(((where.start_us + stop_us) / 2 - facts.origin_us) * NS_PER_US)
+        time_ns = facts.from_file_us((where.start_us + stop_us) / 2)
         if (span := nearest_span(time_ns, spans)) is not None:
             return span, time_ns
-    events = [stop - start for start, stop in (span.owned.get("events", (0, 0)) for span in spans)]
-    span = spans[int(np.argmax(events)) if any(events) else len(spans) // 2]
+    span = busiest(spans)
     times_ns = snapshot_times_ns([span], facts, 1).get(span.index, ((span.start_ns + span.stop_ns) // 2,))
     return span, times_ns[0]
 

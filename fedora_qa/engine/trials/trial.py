@@ -15,14 +15,13 @@ from typing import Any, Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check, Observation
-from fedora_qa.conventions import NS_PER_US
 from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
 from fedora_qa.diagnosis.conclusion import HALF, DeviationChange, UndoTrial
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.diagnosis.vetoes import ClockPlace, contradicts
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
-from fedora_qa.engine.trials.altered import PlainRun, WindowPass
+from fedora_qa.engine.trials.altered import PlainRun, WindowPass, around
 from fedora_qa.faults.fault import Fault, ReversibleFault
 from fedora_qa.judgement.judge import Alarm, Judged, judge
 from fedora_qa.judgement.materiality import Materiality
@@ -264,7 +263,7 @@ class TrialBench:
         """Return windows of an altered sequence, whose timestamps may fall into others: all where all are measured."""
         planned = self.run.planned(prepared)
         whole = count >= len(self.run.planned(self.run.ready))
-        return planned if whole else self._around(planned, count)
+        return planned if whole else around(planned, _place_ns(self.alarms, self.run), count)
 
     def _compared(self, fault: ReversibleFault, undoing: Fault, altered: WindowPass, count: int) -> UndoTrial:
         """Hold what was measured with a fault undone against the same windows without it undone."""
@@ -338,7 +337,7 @@ class TrialBench:
             observations = self.run.observations
             if count < len(planned):
                 checks = [check for check in self.checks if check.name in failed]
-                spans = self._around(planned, count)
+                spans = around(planned, _place_ns(self.alarms, self.run), count)
                 self._plain_pass = self._judged(checks, spans, self.run.ready, self._plain_pass)
                 results, observations = _by_check(self._plain_pass.judged), self._plain_pass.observations
             self._plain_observations[count] = observations
@@ -349,15 +348,6 @@ class TrialBench:
             )
             self._plain[count] = [(alarm, m) for alarm, m in pairs if m is not None and m.exceeds_limit]
         return self._plain[count]
-
-    def _around(self, spans: Sequence[Span], count: int) -> Sequence[Span]:
-        """Return neighbouring windows around the middle of the first finding that has a time."""
-        place_ns = _place_ns(self.alarms, self.run)
-        middles = [abs((span.start_ns + span.stop_ns) / 2 - place_ns) for span in spans]
-        centre = min(range(len(spans)), key=middles.__getitem__, default=0)
-        # Clamped at both ends of the sequence, so that there are always ``count`` windows.
-        first = min(max(centre - count // 2, 0), max(len(spans) - count, 0))
-        return spans[first : first + count]
 
 
 def check_of(alarm: Alarm) -> str:
@@ -442,8 +432,7 @@ def _place_ns(alarms: Sequence[Alarm], run: PlainRun) -> int:
     for alarm in alarms:
         where = alarm.finding.where
         if where.start_us is not None and where.stop_us is not None:
-            origin_us = facts.to_file_us(0)
-            return round(((where.start_us + where.stop_us) / 2 - origin_us) * NS_PER_US)
+            return facts.from_file_us((where.start_us + where.stop_us) / 2)
     spans = run.planned(run.ready)
     return (spans[0].start_ns + spans[-1].stop_ns) // 2 if spans else 0
 
