@@ -1,6 +1,6 @@
 """Progress on stderr, where that is a terminal."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
@@ -8,27 +8,23 @@ from rich.console import Console
 from rich.progress import (
     BarColumn,
     DownloadColumn,
-    Progress,
     ProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.progress import Progress as ProgressDisplay
 
 from fedora_qa.cli.console import stderr_console
-from fedora_qa.engine.progress import ProgressTally
-from fedora_qa.engine.progress import Report as FilesReport
+from fedora_qa.engine.progress import Progress, ProgressTally, Report
 from fedora_qa.record.wording import printable
 
 # 30 days in s, longer than any run; the default of rich, 30 s, is shorter than a step may take.
 _WHOLE_RUN_S: Final = 30 * 86400.0
 
-Report = Callable[[str, int, int], None]
-"""Called with the present activity, the amount done, and the total amount."""
-
 
 @contextmanager
-def progress_bar(title: str) -> Iterator[Report]:
+def progress_bar(title: str) -> Iterator[Progress]:
     """Yield a function that moves a bar; it shows nothing where stderr is not a terminal."""
     with _bar(TimeElapsedColumn()) as bar:
         task = bar.add_task(printable(title))
@@ -40,7 +36,7 @@ def progress_bar(title: str) -> Iterator[Report]:
 
 
 @contextmanager
-def files_progress(file_count: int) -> Iterator[FilesReport]:
+def files_progress(file_count: int) -> Iterator[Report]:
     """Yield a function that shows the progress of a run over files, and the remaining time at the rate so far.
 
     Parameters
@@ -72,11 +68,11 @@ def counts_words(tally: ProgressTally, file_count: int) -> str:
     return f"{files}, windows {tally.windows_done}/{tally.windows}" if tally.windows else files
 
 
-def _bar(*columns: ProgressColumn) -> Progress:
+def _bar(*columns: ProgressColumn) -> ProgressDisplay:
     """Return a bar on stderr; the rate is that of the whole run, because steps are few and long."""
     console = stderr_console()
     is_visible = console.is_terminal
-    return Progress(
+    return ProgressDisplay(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f}%"),

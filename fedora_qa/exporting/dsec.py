@@ -5,7 +5,6 @@ https://dsec.ifi.uzh.ch/optical-flow-submission-format (16-bit flow). Disparity 
 camera, which a sequence does not have.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,13 +15,12 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.canonical import flow_rate_hz, is_flow_stream
 from fedora_qa.record.atomic import staging_path
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.sequence import Sequence, file_times_us, row_blocks
-
-Report = Callable[[str, int, int], None]
 
 _US_PER_MS: Final = 1000
 _MOST_US: Final = (1 << 32) - 1
@@ -41,7 +39,7 @@ _RECTIFIED: Final = "camRect0"
 """The view in which flow lies: that of the depth camera, or without one of the event camera."""
 
 
-def write_dsec(sequence: Sequence, target: Path, report: Report) -> dict[str, int]:
+def write_dsec(sequence: Sequence, target: Path, report: Progress) -> dict[str, int]:
     """Write what DSEC has a place for into a new folder, and return the number of rows by stream.
 
     Raises
@@ -74,7 +72,7 @@ def write_dsec(sequence: Sequence, target: Path, report: Report) -> dict[str, in
     return rows
 
 
-def _write_events(sequence: Sequence, folder: Path, report: Report) -> int:
+def _write_events(sequence: Sequence, folder: Path, report: Progress) -> int:
     folder.mkdir(parents=True)
     count = sequence.layout.bindings["path/events/t"].rows
     first_us = int(file_times_us(sequence, "path/events/t", 0, 1)[0]) if count else 0
@@ -118,7 +116,7 @@ def _whole(sequence: Sequence, key: str, start: int, stop: int, dtype: np.dtype[
     return values
 
 
-def _write_images(sequence: Sequence, folder: Path, report: Report) -> int:
+def _write_images(sequence: Sequence, folder: Path, report: Progress) -> int:
     (folder / "left/rectified").mkdir(parents=True)
     count = sequence.layout.bindings["path/rgb"].rows
     with (folder / "timestamps.txt").open("w", encoding="utf-8") as text:
@@ -130,7 +128,7 @@ def _write_images(sequence: Sequence, folder: Path, report: Report) -> int:
     return count
 
 
-def _write_flow(sequence: Sequence, stream: str, folder: Path, report: Report) -> int:
+def _write_flow(sequence: Sequence, stream: str, folder: Path, report: Progress) -> int:
     (folder / "forward").mkdir(parents=True)
     key = f"path/{stream}"
     count = sequence.layout.bindings[key].rows

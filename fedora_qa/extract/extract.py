@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.plan import window_length_ns
+from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.extract.hdf5_copy import (
     copy_attributes,
@@ -44,9 +45,6 @@ _Address = tuple[str, int]
 
 _SMALL_BYTES: Final = 64 << 10
 """Largest dataset of no stream that is copied. It is copied whole: no row of it belongs to a time."""
-
-Report = Callable[[str, int, int], None]
-"""Called with the piece that is tried, how many were tried before, and how many there are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +80,7 @@ class Extraction:
 
 
 def extract(
-    source: Path, target: Path, wanted: CheckFinding, options: CheckOptions, longest_s: float, report: Report
+    source: Path, target: Path, wanted: CheckFinding, options: CheckOptions, longest_s: float, report: Progress
 ) -> Extraction:
     """Write the shortest piece that shows a finding, or the longest that was tried where none does.
 

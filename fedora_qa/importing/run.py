@@ -14,6 +14,7 @@ from typing import Any, Final, Literal
 import h5py
 
 from fedora_qa import __version__
+from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing.aedat4 import MAGIC as AEDAT4_MAGIC
 from fedora_qa.importing.aedat4 import open_aedat4
@@ -58,9 +59,6 @@ PROVENANCE: Final = "provenance/import"
 
 _REPORTS: Final = 200
 """Reports of progress over a recording."""
-
-Report = Callable[[str, int, int], None]
-"""Called with the present activity, the amount done, and the total amount."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +108,7 @@ class Imported:
     facts: dict[str, str | int]
 
 
-def import_recording(source: Path, target: Path, options: ImportOptions, report: Report) -> Imported:
+def import_recording(source: Path, target: Path, options: ImportOptions, report: Progress) -> Imported:
     """Write a canonical file from a recording.
 
     Parameters

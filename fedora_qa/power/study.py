@@ -6,7 +6,7 @@ Stored are the failed checks, their measurements, and the diagnoses, so that a s
 import hashlib
 import json
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -20,6 +20,7 @@ from pydantic import TypeAdapter
 from fedora_qa import __version__
 from fedora_qa.config import RULESET_VERSION
 from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.errors import FedoraError, MisuseError
 from fedora_qa.judgement.materiality import Materiality
@@ -29,9 +30,6 @@ from fedora_qa.record.atomic import write_text
 from fedora_qa.record.documents import read_json
 from fedora_qa.record.types import DiagnosisStatus, FileRecord, Measurement, Result, Side
 from fedora_qa.storage.digest import file_digest
-
-Report = Callable[[str, int, int], None]
-"""Receives the name of the file that was checked, how many are done, and of how many."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +232,9 @@ def measured_with(config_digest: str) -> str:
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
-def run_study(manifest: Manifest, state: State, options: CheckOptions, jobs: int, report: Report) -> tuple[Trial, ...]:
+def run_study(
+    manifest: Manifest, state: State, options: CheckOptions, jobs: int, report: Progress
+) -> tuple[Trial, ...]:
     """Check the files without a stored result, and return every trial in the manifest's order.
 
     Parameters

@@ -6,7 +6,7 @@ altered value. Stored values are the inverse of ``layout.binding``, which is ref
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from math import prod
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_US, POLARITY_BRIGHTER, POLARITY_DARKER
+from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import NotRepairableError, UnreadableRowsError, first_line
 from fedora_qa.layout.binding import POLARITY_CODES, Binding, canonical_values, selected_columns, timestamps_ns
 from fedora_qa.layout.canonical import ATTRIBUTES, spec_of
@@ -29,9 +30,6 @@ from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import MalformedError, read_attribute
 from fedora_qa.sequence.sequence import SequenceRows
-
-Report = Callable[[str, int, int], None]
-"""Called with the present activity, the amount done, and the total amount."""
 
 _RESOLUTION_NS: Final = NS_PER_US // 2
 """Rounding error of a timestamp that the format has itself: half of its microsecond."""
@@ -148,7 +146,7 @@ def rewrite(
     repaired: SequenceRows,
     keys: Collection[str],
     target: h5py.File | None,
-    report: Report,
+    report: Progress,
 ) -> tuple[DatasetChange, ...]:
     """Write the rows of some datasets as a view of the sequence gives them.
 
