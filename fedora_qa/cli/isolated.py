@@ -3,26 +3,21 @@
 A worker does a task as in ``check``. A light process loads only what a function needs, and starts sooner.
 """
 
-import math
 import multiprocessing
 import os
-import signal
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, Final
+from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.startup import IN_PROCESS_VARIABLE
-from fedora_qa.engine.executors.executor import Executor, InProcess, Task
+from fedora_qa.engine.executors.executor import Executor, InProcess, Task, end_process_after
 from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.errors import MisuseError, WorkerLostError
 from fedora_qa.storage.place import Place
-
-_GRACE_S: Final = 10
-"""Seconds after its limit at which the process ends itself, where nobody has ended it: its command has died."""
 
 
 def run_isolated(
@@ -82,10 +77,7 @@ def run_isolated_light(function: Callable[..., Any], arguments: tuple[Any, ...],
 
 
 def _call(function: Callable[..., Any], arguments: tuple[Any, ...], limit_s: float) -> Any:
-    if hasattr(signal, "alarm"):
-        # The default action of the signal ends the process, also within a call into C.
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.alarm(math.ceil(limit_s) + _GRACE_S)
+    end_process_after(limit_s)
     return function(*arguments)
 
 

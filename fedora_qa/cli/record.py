@@ -7,8 +7,9 @@ from typing import Any
 from numpy.typing import NDArray
 
 from fedora_qa import __version__
-from fedora_qa.cli.host import host_facts, peak_memory_mib
+from fedora_qa.cli.host import host_facts
 from fedora_qa.config import RULESET_VERSION, CheckConfig
+from fedora_qa.engine.executors.executor import peak_memory_mib
 from fedora_qa.engine.options import FileRun
 from fedora_qa.record.types import RECORD_VERSION, Record, Run, Scalar, Tool
 from fedora_qa.storage.server import NO_TRAFFIC

@@ -23,6 +23,7 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.executors.executor import (
     FINISH_FILE,
     MEASURE_WINDOWS,
+    SILENCE_S,
     SURVEY_FILE,
     TRAFFIC_OF,
     Executor,
@@ -52,9 +53,6 @@ _DONE: Final = "done"
 
 _SHORTEST_S: Final = 1e-3
 """Seconds that a window takes at least."""
-
-_SILENCE_S: Final = 2.0
-"""Seconds without a result after which the executor is asked whether any worker is left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -365,7 +363,7 @@ class _BudgetedFile:
                 running[future] = task, began, False
             if not running:
                 return
-            ended, _ = wait(running, timeout=_SILENCE_S, return_when=FIRST_COMPLETED)
+            ended, _ = wait(running, timeout=SILENCE_S, return_when=FIRST_COMPLETED)
             if not ended:
                 self._executor.require_workers()
             for future in ended:

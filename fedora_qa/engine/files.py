@@ -6,7 +6,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
-from fedora_qa.engine.executors.executor import Executor
+from fedora_qa.engine.executors.executor import SILENCE_S, Executor
 from fedora_qa.engine.file_work import FileWork, WorkStep
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import ProgressTally, Report
@@ -30,9 +30,6 @@ its share of the memory does not hold; and bytes of its page tables."""
 
 _LEAST_SHARE: Final = 0.25
 """Least share of the memory for the tasks, where libraries would leave less."""
-
-_SILENCE_S: Final = 2.0
-"""Seconds without a result after which the executor is asked whether any worker is left."""
 
 
 def check_files(
@@ -100,7 +97,7 @@ def check_files(
             while idle and (step := work.take(idle[0])):
                 worker = idle.popleft()
                 running[executor.submit(step.task, step.progress)] = step, worker
-        done, _ = wait(running, timeout=_SILENCE_S, return_when=FIRST_COMPLETED)
+        done, _ = wait(running, timeout=SILENCE_S, return_when=FIRST_COMPLETED)
         if not done:
             executor.require_workers()
         for future in done:

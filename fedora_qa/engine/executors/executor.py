@@ -3,7 +3,10 @@
 Nothing that measures is imported here: the process that deals out tasks names their functions.
 """
 
+import math
 import pickle
+import resource
+import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
@@ -26,6 +29,12 @@ if TYPE_CHECKING:  # loads HDF5
 
 _TASKS: Final = "fedora_qa.engine.tasks"
 _KERNELS: Final = "fedora_qa.engine.compilation.kernels"
+
+_GRACE_S: Final = 10
+"""Seconds after its limit at which a process ends itself, where nobody has ended it: its command has died."""
+
+SILENCE_S: Final = 2.0
+"""Seconds without a result after which an executor is asked whether any worker is left."""
 
 _OPENING_S: Final = 60.0
 """A file opens in hundredths of a second, over a slow network in some seconds."""
@@ -205,6 +214,20 @@ class InProcess:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         pass
+
+
+def end_process_after(limit_s: float) -> None:
+    """Have the system end this process some seconds after a limit of time, unless ``signal.alarm(0)`` is called."""
+    if hasattr(signal, "alarm"):
+        # The default action of the signal ends the process, also within a call into C.
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(math.ceil(limit_s) + _GRACE_S)
+
+
+def peak_memory_mib() -> int:
+    """Return the peak resident memory of this process so far, MiB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
 
 
 @dataclass(frozen=True, slots=True)

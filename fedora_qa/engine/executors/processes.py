@@ -5,13 +5,10 @@ pipes of a pool are not safe after a death. Tasks and results travel as files, s
 pipe takes at once.
 """
 
-import math
 import multiprocessing
 import os
 import pickle
-import resource
 import signal
-import sys
 import traceback
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -27,16 +24,13 @@ from uuid import uuid4
 
 from pebble import ProcessExpired, ProcessPool
 
-from fedora_qa.engine.executors.executor import OpenFile, Task, Worker
+from fedora_qa.engine.executors.executor import OpenFile, Task, Worker, end_process_after, peak_memory_mib
 from fedora_qa.engine.executors.fork_server import worker_context
 from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import EndlessError, WorkerLostError
 
 _SILENCE_S: Final = 0.1
 """Seconds without a report after which a process is looked after."""
-
-_GRACE_S: Final = 10
-"""Seconds after its limit at which a process ends itself, where nobody has ended it: its command has died."""
 
 
 class ProcessExecutor:
@@ -245,10 +239,8 @@ def _do(files: _TaskFiles, limit_s: float | None) -> int:
     reporting = _here.reporting
     if reporting:
         reporting.send(os.getpid())
-    if limit_s and hasattr(signal, "alarm"):
-        # The default action of the signal ends the process, also within a call into C.
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.alarm(math.ceil(limit_s) + _GRACE_S)
+    if limit_s:
+        end_process_after(limit_s)
     try:
         task: Task = pickle.loads(files.task.read_bytes())
         outcome = pickle.dumps(
@@ -267,5 +259,4 @@ def _do(files: _TaskFiles, limit_s: float | None) -> int:
     files.outcome.write_bytes(outcome)
     if reporting:
         reporting.send(None)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
+    return peak_memory_mib()
