@@ -168,6 +168,18 @@ def require_new_file(
         raise MisuseError(f"Expected a new file to write, got {output}, which exists; {remedy}")
 
 
+def require_result_folder(folder: Path, remedy: str) -> None:
+    """Make the folder where it is missing; raises ``MisuseError``, which ends with a remedy, if it is not writable."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise MisuseError(
+            f"Expected to be able to keep results in {folder}, got: {problem.strerror}; {remedy}"
+        ) from None
+    if not os.access(folder, os.W_OK):
+        raise MisuseError(f"Expected to be able to write into {folder}, got no permission; {remedy}")
+
+
 def require_renderer() -> None:
     """Raise ``MisuseError`` where ``fedora_reports`` is not installed."""
     try:

@@ -1,6 +1,5 @@
 """``fedora-qa power``: which faults the checks detect, measured over a corpus with a manifest."""
 
-import os
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,10 +8,9 @@ from typing import Any
 from fedora_qa.cli.console import print_table, text
 from fedora_qa.cli.documents import write_document
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
-from fedora_qa.cli.outputs import Outputs, require_renderer
+from fedora_qa.cli.outputs import Outputs, require_renderer, require_result_folder
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.settings import check_options, settings_from, with_jobs
-from fedora_qa.errors import MisuseError
 from fedora_qa.power.detection_power import detection_power_of, write_confidence, write_detection_power
 from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, require_other_names
 from fedora_qa.power.study import State, Trial, measured_with, run_study, state_folder
@@ -55,14 +53,7 @@ def run_power(
     for corpus, manifest in manifests.items():
         # The folder must exist and be writable before hours of measuring.
         folder = state_folder(corpus, state)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            raise MisuseError(
-                f"Expected to be able to keep results in {folder}, got: {problem.strerror}; use --state"
-            ) from None
-        if not os.access(folder, os.W_OK):
-            raise MisuseError(f"Expected to be able to write into {folder}; use --state")
+        require_result_folder(folder, "use --state")
         kept = State(folder, corpus, measured_with(settings.digest))
         with progress_bar(corpus.name) as report:
             trials += run_study(manifest, kept, options, jobs, report)

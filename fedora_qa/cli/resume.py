@@ -14,6 +14,7 @@ from typing import Final
 from fedora_qa import __version__
 from fedora_qa.cli.arrays import arrays_beside, read_arrays, write_arrays
 from fedora_qa.cli.host import PACKAGES, package_version
+from fedora_qa.cli.outputs import require_result_folder
 from fedora_qa.cli.record import record_of
 from fedora_qa.code_digest import code_digest
 from fedora_qa.config import RULESET_VERSION, CheckConfig
@@ -101,12 +102,7 @@ def resume_folder(folder: Path, settings: CheckConfig, options: CheckOptions) ->
     options
         The options that follow from the settings: the dialect as it was read, and whether evidence is gathered.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise MisuseError(f"Expected to be able to keep results in {folder}, got: {problem.strerror}") from None
-    if not os.access(folder, os.W_OK):
-        raise MisuseError(f"Expected to be able to write into {folder}, got no permission; choose another folder")
+    require_result_folder(folder, "choose another folder")
     # Another version of NumPy or OpenCV may change a measurement in its last digits, and so an outcome at a limit.
     libraries = [package_version(name) for name in PACKAGES]
     # Memory decides how often an image is decoded, and nothing that is found; its default follows the number of jobs.
