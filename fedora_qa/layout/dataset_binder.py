@@ -5,7 +5,6 @@ The functions below state the types and shapes in which a dataset may be stored.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import prod
 from typing import Any, Final
 
 import h5py
@@ -16,9 +15,8 @@ from fedora_qa.layout.binding import Binding, instant_ns, rows_together
 from fedora_qa.layout.canonical import BESIDE, DatasetSpec
 from fedora_qa.layout.conversions import Conversion, depth_from_disparity
 from fedora_qa.layout.decodable import (
-    LARGEST_IMAGE_PIXELS,
-    MOST_SAMPLES,
     require_bounded,
+    require_bounded_shape,
     require_filters,
     require_sound_blocks,
     require_whole_chunks,
@@ -221,12 +219,7 @@ class DatasetBinder:
         _require_readable_type(spec, source, path)
         _require_shape(spec, place, source, path)
         # The bounds of HDF5, but for those of its storage: a source itself compares what a file states with its bytes.
-        if spec.is_image and prod(source.shape[1:3]) > LARGEST_IMAGE_PIXELS:
-            message = f"Expected {path} in images of {LARGEST_IMAGE_PIXELS} pixels at most, got {source.shape[1:3]}"
-            raise RefusedError("too_large", "wrong_shape", message)
-        if not spec.is_image and spec.stream != "events" and source.shape[0] > MOST_SAMPLES:
-            message = f"Expected {path} in {MOST_SAMPLES} rows at most, got {source.shape[0]}"
-            raise RefusedError("too_large", "wrong_shape", message)
+        require_bounded_shape(spec, source.shape, path)
         binding = Binding(
             key=spec.key,
             path=path,

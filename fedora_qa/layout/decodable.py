@@ -229,6 +229,17 @@ def _is_sound(content: bytes, length: int, values: int, value_bytes: int, *, pac
     return bool(position + remainder_bytes == length)
 
 
+def require_bounded_shape(spec: DatasetSpec, shape: tuple[int, ...], path: str) -> None:
+    """Refuse images of too many pixels, or too many rows of samples, wherever they are stored."""
+    # Axis 0 is time, axes 1 and 2 are rows and columns; channels do not count.
+    pixels = prod(shape[1:3])
+    if spec.is_image and pixels > LARGEST_IMAGE_PIXELS:
+        _refuse_size(path, f"images of {LARGEST_IMAGE_PIXELS} pixels", f"{pixels} pixels")
+    # Events are read block by block, so that their number needs no bound. All other rows are held in memory whole.
+    if not spec.is_image and spec.stream != "events" and shape[0] > MOST_SAMPLES:
+        _refuse_size(path, f"{MOST_SAMPLES} rows", f"{shape[0]} rows")
+
+
 def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
     """Refuse a dataset that is larger than its bytes can hold, or than a machine should process.
 
@@ -244,13 +255,7 @@ def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None
         written.
     """
     require_small_chunks(dataset, path)
-    # Axis 0 is time, axes 1 and 2 are rows and columns; channels do not count.
-    pixels = prod(dataset.shape[1:3])
-    if spec.is_image and pixels > LARGEST_IMAGE_PIXELS:
-        _refuse_size(path, f"images of {LARGEST_IMAGE_PIXELS} pixels", f"{pixels} pixels")
-    # Events are read block by block, so that their number needs no bound. All other rows are held in memory whole.
-    if not spec.is_image and spec.stream != "events" and dataset.shape[0] > MOST_SAMPLES:
-        _refuse_size(path, f"{MOST_SAMPLES} rows", f"{dataset.shape[0]} rows")
+    require_bounded_shape(spec, dataset.shape, path)
     if dataset.is_virtual or dataset.external:
         return  # its sources have passed the same tests
     decoded, stored = prod(dataset.shape) * dataset.dtype.itemsize, int(dataset.id.get_storage_size())

@@ -31,6 +31,9 @@ from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, Form
 from fedora_qa.layout.hdf5_objects import READ_ERRORS, RefusedError, walk
 from fedora_qa.layout.metadata import small_values
 
+Fields = dict[str, str | float | list[int]]
+"""Keys of a dataset's place in a dialect, and their values."""
+
 HEAD_ROWS: Final = 256
 """Rows that are read to guess what a dataset holds."""
 
@@ -99,9 +102,9 @@ class StoredObject:
     member: str = ""
 
     @property
-    def place(self) -> dict[str, str | float | list[int]]:
+    def place(self) -> Fields:
         """Where it lies, as fields of ``dialect.DatasetPlace``."""
-        of_role: dict[str, str | float | list[int]] = {"file": self.role} if self.role else {}
+        of_role: Fields = {"file": self.role} if self.role else {}
         path = self.path if self.form == "hdf5" else self.member
         return {**of_role, "path": path} if path else of_role
 
@@ -128,7 +131,7 @@ class Guess:
     """A place for a canonical dataset, as the fields of ``dialect.DatasetPlace`` that differ from their defaults."""
 
     key: str
-    fields: dict[str, str | float | list[int]]
+    fields: Fields
     reason: str
 
 
@@ -321,7 +324,7 @@ def _events_apart(items: Sequence[StoredObject]) -> Iterator[Guess]:
         codes = set(np.unique(p.head.astype(np.float64)))
         yield Guess("path/events/x", x.place, "its name, beside y, t and p of equal length")
         yield Guess("path/events/y", y.place, "its name")
-        fields: dict[str, str | float | list[int]] = {**t.place, "time_unit": unit}
+        fields: Fields = {**t.place, "time_unit": unit}
         if offset := next((item for item in items if not item.shape and item.role == x.role), None):
             fields["offset_path"], why = offset.path, f"{why}; {offset.path} is taken for what is added"
         yield Guess("path/events/t", fields, why)
@@ -341,7 +344,7 @@ def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
             yield from _with_timestamps(items, item, grey)
         elif kind == np.uint16 and rank == 3 and item.form == "images":
             named = any(word in item.path.lower() for word in ("disp", "stereo"))
-            fields: dict[str, str | float | list[int]] = {"value_unit": "mm", "invalid": 0.0}
+            fields: Fields = {"value_unit": "mm", "invalid": 0.0}
             reason = "16-bit grey images, taken for millimetres; 0 is taken for invalid"
             if named:
                 fields = {"convert": "disparity16", "value_unit": "m"}
@@ -377,7 +380,7 @@ def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
             if rate := _rate_of(length_s):
                 reason = f"{words}; intervals of {timestamps.path} are 1/{rate} s in {unit}"
                 yield Guess(f"path/flow/{rate}hz", {**item.place, **coded}, reason)
-                fields: dict[str, str | float | list[int]] = {**timestamps.place, "time_unit": unit}
+                fields: Fields = {**timestamps.place, "time_unit": unit}
                 yield Guess(f"path/flow/{rate}hz_ts", fields, f"two columns, as long as {item.path}")
 
 
@@ -417,7 +420,7 @@ def _transformations(items: Sequence[StoredObject]) -> Iterator[Guess]:
     for item in items:
         if item.shape[1:] == (4, 4) and item.dtype.kind == "f" and np.allclose(item.head[:, 3], [0, 0, 0, 1]):
             reason = "4 x 4 transformations; that they take the body to the world does not follow from the values"
-            fields: dict[str, str | float | list[int]] = {**item.place, "convert": "matrix4"}
+            fields: Fields = {**item.place, "convert": "matrix4"}
             yield Guess("path/pose/position", fields, reason)
             orientation = Guess("path/pose/orientation", fields, "the same; where it is the inverse, add invert = true")
             yield from _with_timestamps(items, item, orientation)
@@ -430,12 +433,12 @@ def _tables(items: Sequence[StoredObject]) -> Iterator[Guess]:
         if item.form == "hdf5" or len(head) < 2 or head.shape[1] < 7 or not np.all(np.diff(head[:, 0]) > 0):
             continue
         unit, why = unit_of_timestamps(head[:, 0], "samples")
-        time: dict[str, str | float | list[int]] = {**item.place, "columns": [0], "time_unit": unit}
+        time: Fields = {**item.place, "columns": [0], "time_unit": unit}
         norms = [np.linalg.norm(head[:, at : at + 4], axis=1) for at in range(head.shape[1] - 3)]
         at = next((at for at in range(4, len(norms)) if np.allclose(norms[at], 1.0, atol=1e-3)), 0)
         if at:
             yield Guess("path/pose/ts", time, f"the first column, which rises; {why}")
-            place: dict[str, str | float | list[int]] = {**item.place, "columns": [at - 3, at - 2, at - 1]}
+            place: Fields = {**item.place, "columns": [at - 3, at - 2, at - 1]}
             yield Guess("path/pose/position", place, "the three columns before four of unit length")
             reason = "four columns of unit length; that the order is x, y, z, w does not follow from the values"
             yield Guess("path/pose/orientation", {**item.place, "columns": [at, at + 1, at + 2, at + 3]}, reason)
@@ -465,7 +468,7 @@ def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: G
         best = max(candidates, key=lambda other: _nearness(other, item))
         frames = guess.key in {"path/rgb", "path/depth"}
         unit, why = unit_of_timestamps(np.asarray(best.first_column), "frames" if frames else "samples")
-        column: dict[str, str | float | list[int]] = {"columns": [0]} if best.shape[1:] not in {(), (1,)} else {}
+        column: Fields = {"columns": [0]} if best.shape[1:] not in {(), (1,)} else {}
         key = f"{guess.key}_ts" if frames else f"{guess.key.rpartition('/')[0]}/ts"
         yield Guess(key, {**best.place, **column, "time_unit": unit}, f"as long as {item.path}, never falls; {why}")
 
@@ -479,7 +482,7 @@ def _nearness(timestamps: StoredObject, item: StoredObject) -> tuple[int, int, i
     return int(named_as_time), common, -len(timestamps.path)
 
 
-def _polarity(codes: set[float]) -> dict[str, str | float | list[int]]:
+def _polarity(codes: set[float]) -> Fields:
     return {"polarity": "plus_minus"} if -1.0 in codes else {}
 
 

@@ -13,6 +13,7 @@ from fedora_qa.errors import FedoraError
 from fedora_qa.layout.dialect import FORMS
 from fedora_qa.layout.draft import (
     HEAD_ROWS,
+    Fields,
     Guess,
     StoredObject,
     camera_line,
@@ -163,7 +164,7 @@ def _times_of_names(groups: Mapping[str, list[Path]], guesses: Mapping[str, Gues
         head = numbers.rows(0, min(HEAD_ROWS, len(numbers.numbers))).astype(np.float64)
         if head[-1] >= _LEAST_TIME or numbers.dtype.kind == "f":
             unit, why = unit_of_timestamps(head, "frames")
-            fields: dict[str, str | float | list[int]] = {"file": guess.fields["file"], "time_unit": unit}
+            fields: Fields = {"file": guess.fields["file"], "time_unit": unit}
             yield Guess(f"{key}_ts", fields, f"the numbers in their names; {why}")
 
 
