@@ -1,5 +1,6 @@
 """``fedora-qa export``: a sequence in a layout of others."""
 
+import os
 from pathlib import Path
 from typing import Literal
 
@@ -25,6 +26,8 @@ def run_export(
         raise MisuseError(f"Expected a new output, got {output}, which exists; remove it, or choose another name")
     if not output.parent.is_dir():
         raise MisuseError(f"Expected the folder of {output} to exist; make it first")
+    if not os.access(output.parent, os.W_OK):
+        raise MisuseError(f"Expected the folder of {output} to be writable")
     if source.is_dir() and output.resolve().is_relative_to(source.resolve()):
         raise MisuseError(f"Expected an output outside of {source}, which is read, got {output}")
     choice = load_choice(dialect, metadata)

@@ -1,5 +1,6 @@
 """``fedora-qa layout``: the streams of a file, their places, and what was inferred."""
 
+import tomllib
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -12,7 +13,7 @@ from rich.text import Text
 
 from fedora_qa.cli.console import stdout_console, text
 from fedora_qa.cli.isolated import run_isolated_light
-from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import external_folders
 from fedora_qa.errors import UnreadableFileError, first_line
@@ -45,13 +46,12 @@ def run_layout(
 ) -> int:
     """Run the command and return its exit code."""
     dialect_read = load_choice(dialect, metadata)
-    Outputs(own=(draft_path,)).require_writable([file])
+    if draft_path:
+        require_new_file(draft_path, [file], force=False, remedy="it may hold corrections; choose another name")
     if not file.is_dir():
         require_hdf5([file])
     arguments = (file, dialect_read, draft_path.stem if draft_path else "", external_folders(allow_external))
     description, draft = run_isolated_light(_describe_file, arguments, file, opening_limit_s(_LONGEST_S))
-    if draft_path:
-        write_text(draft_path, draft)
     console = stdout_console()
     console.print(Text.assemble(("Dialect  ", "bold"), text(description.dialect)))
     console.print(Text())
@@ -94,6 +94,14 @@ def run_layout(
         for line in lines:
             console.print(Padding(text(line, style), (0, 0, 0, 2), expand=False))
         console.print(Text())
+    if draft_path:
+        write_text(draft_path, draft)
+        guessed = len(tomllib.loads(draft).get("datasets", {}))
+        counted = f"{guessed} dataset{'s' * (guessed != 1)}"
+        remedy = (
+            "Correct it, and check with it as --dialect." if guessed else "Nothing looks like a stream of a sequence."
+        )
+        console.print(text(f"{draft_path} is written, with {counted} that were guessed. {remedy}"))
     return 0
 
 

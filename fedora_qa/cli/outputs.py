@@ -24,7 +24,7 @@ from fedora_qa.cli.published_studies import fault_price_text, fault_price_texts,
 from fedora_qa.comparison.types import Comparison
 from fedora_qa.diagnosis.direct import is_direct
 from fedora_qa.errors import MisuseError
-from fedora_qa.record.atomic import replacing
+from fedora_qa.record.atomic import is_special, replacing
 from fedora_qa.record.ci import record_to_badge, record_to_junit
 from fedora_qa.record.json_io import record_parts
 from fedora_qa.record.markdown import record_to_markdown
@@ -70,8 +70,10 @@ class Outputs:
 
     @property
     def arrays(self) -> Path | None:
-        """Where the evidence arrays lie: beside the record; a record on stdout has none."""
-        return arrays_beside(self.json) if self.json and self.json != STDOUT else None
+        """Where the evidence arrays lie: beside the record; a record on stdout, a device or a pipe has none."""
+        if self.json is None or self.json == STDOUT or is_special(self.json):
+            return None
+        return arrays_beside(self.json)
 
     @property
     def show_evidence(self) -> bool:
@@ -114,7 +116,8 @@ class Outputs:
                 raise MisuseError(f"Expected a file to write, got a folder: {target}")
             if not place.parent.is_dir():
                 raise MisuseError(f"Expected the folder of {target} to exist; make it first")
-            if not os.access(place.parent, os.W_OK):
+            # Into a device or a pipe it is written, a file is replaced.
+            if not os.access(place if is_special(place) else place.parent, os.W_OK):
                 raise MisuseError(f"Expected the folder of {target} to be writable")
         # Last, because these import optional packages; a wrong path is reported without that.
         if self.parquet:
@@ -160,6 +163,8 @@ def require_new_file(
     Outputs(own=(output,)).require_writable(inputs)
     if not output.exists():
         return
+    if is_special(output):
+        raise MisuseError(f"Expected a file to write, got {output}, which is a device or a pipe; choose another name")
     for path in inputs:
         # Hard links: two names of one file, neither of which leads to the other.
         if path.exists() and path.samefile(output):

@@ -65,6 +65,9 @@ class LayoutProblem:
     is_lossless: bool = False
 
 
+_MEMBERS_NAMED: Final = 8
+
+
 class BrokenDatasetError(Exception):
     """A defect of a dataset, for which its stream is absent."""
 
@@ -365,6 +368,12 @@ def _is_signed_polarity(dataset: h5py.Dataset) -> bool:
 
 def _require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset | OutsideRows, path: str) -> None:
     """Refuse types without a safe conversion: all that are not numbers, and colours that are not 8-bit codes."""
+    if members := dataset.dtype.names:
+        message = (
+            f"Expected {path} as {spec.dtype}, got a compound type of {', '.join(members[:_MEMBERS_NAMED])}, whose "
+            "members are not read; store each member as a dataset of its own"
+        )
+        raise RefusedError("wrong_dtype", "wrong_dtype", message)
     # At most 8 bytes: an extended float does not fit float64 without loss.
     numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None and dataset.dtype.itemsize <= 8
     if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):

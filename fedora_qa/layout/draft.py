@@ -82,6 +82,7 @@ _CAMERAS: Final = {
 """Words in the path of a camera by which it is known, and in that of its matrix."""
 
 # One hint suffices to prefer a dialect; the second covers a file that lacks the first dataset.
+_MEMBERS_NAMED: Final = 8
 _MOST_HINTS = 2
 
 
@@ -164,7 +165,7 @@ def draft_dialect(file: h5py.File, name: str) -> str:
     paths = list(dict.fromkeys(str(guess.fields["path"]) for guess in ordered if guess.fields["path"] != guess.key))
     for path in paths[:_MOST_HINTS]:
         lines += ["[[hints]]", f"path = {quoted(path)}", ""]
-    lines += draft_lines(ordered, items)
+    lines += [*draft_lines(ordered, items), *compound_lines(file)]
     cameras = camera_lines(item for item in items if item.form == "hdf5")
     lines += ["", "[metadata]", *cameras] if cameras else []
     return "\n".join(lines).rstrip() + "\n"
@@ -198,6 +199,17 @@ def draft_lines(guesses: Sequence[Guess], items: Sequence[StoredObject]) -> list
     return lines + [
         comment(f"  {_path_in_folder(item)}  {' x '.join(map(str, item.shape))}  {item.dtype}") for item in unused
     ]
+
+
+def compound_lines(file: h5py.File) -> list[str]:
+    """Return remarks on datasets of compound types, whose members a dialect cannot name."""
+    lines: list[str] = []
+    for path in walk(file).paths:
+        with suppress(RefusedError, *READ_ERRORS):
+            if members := file[path].dtype.names:
+                lines.append(comment(f"  {path}  {', '.join(members[:_MEMBERS_NAMED])}"))
+    heading = "# Members of compound types are not read; store each member as a dataset of its own:"
+    return [heading, *lines] if lines else []
 
 
 def _path_in_folder(item: StoredObject) -> str:

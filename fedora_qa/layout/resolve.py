@@ -295,6 +295,15 @@ class _Finder:
                         message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {damaged}"
                         self.binder.report(stream, "", RefusedError("unreadable", "corrupt_chunk", message))
                 self._report_similar_name(stream, path)
+                if self.dialect.name not in DIALECT_NAMES and specs[0].key in self.dialect.datasets:
+                    # A packaged dialect has places for streams that most files lack; an own one is for its files.
+                    words = self.binder.words_of(specs[0].key)
+                    message = (
+                        f"Expected {words} in the {where}, where the dialect {self.dialect.name} has {stream}, got "
+                        "nothing there; correct the dialect, or leave the stream out of it"
+                    )
+                    reason = RefusedError("missing_stream", "missing_stream", message)
+                    self.binder.report(stream, "", reason, is_lossless=True)
                 return
             if missing:
                 present = next(key for key, dataset in datasets.items() if dataset is not None)

@@ -4,15 +4,30 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shutil import copyfileobj
 from tempfile import TemporaryDirectory, mkstemp
+
+
+def is_special(target: Path) -> bool:
+    """Whether a path leads to a device, a pipe or a socket, which takes no file in its place."""
+    return target.exists() and not (target.is_file() or target.is_dir())
 
 
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:
     """Yield a temporary path beside ``target`` that takes its place when the block ends well.
 
-    When the block raises, the temporary file is removed and ``target`` stays as it was.
+    When the block raises, the temporary file is removed and ``target`` stays as it was. A link stays a link: the file
+    to which it leads is replaced. A device or a pipe stays what it is, and receives what was written.
     """
+    target = target.resolve()
+    if is_special(target):
+        with TemporaryDirectory() as folder:
+            temporary = Path(folder) / "content"
+            yield temporary
+            with temporary.open("rb") as content, target.open("wb") as sink:
+                copyfileobj(content, sink)
+        return
     # In the same folder, because `replace` is atomic only within one file system.
     handle, name = mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
     os.close(handle)

@@ -9,6 +9,7 @@ import pytest
 
 from fedora_qa.causes import allowed
 from fedora_qa.layout.canonical import DATASETS, STREAMS
+from fedora_qa.layout.dialect import load_dialect
 from fedora_qa.layout.resolve import Layout, resolve
 from tests.support.handmade import write_handmade
 
@@ -211,6 +212,26 @@ def test_types(file: h5py.File, key: str, dtype: str, readable: bool | None) -> 
         return
     assert only_problem(layout) == ("wrong_dtype", "wrong_dtype", DATASETS[key].stream, key)
     assert (key in layout.bindings) is readable
+
+
+def test_members_of_compound_types_are_not_read(file: h5py.File) -> None:
+    """The message names them, and what to do."""
+    del file["path/events/x"]
+    file.create_dataset("path/events/x", (4,), dtype=np.dtype([("x", "u2"), ("y", "u2")]))
+    (problem,) = resolve(file).problems
+    assert "a compound type of x, y" in problem.message
+    assert "store each member" in problem.message
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_a_place_in_an_own_dialect_that_the_file_lacks_is_noted(file: h5py.File, tmp_path: Path, own: bool) -> None:
+    """A packaged dialect has places for streams that most of its files lack."""
+    del file["path/events"]
+    dialect = tmp_path / "mine.toml"
+    places = "".join(f'"path/events/{name}" = {{ path = "path/event/{name}" }}\n' for name in "xytp" if own)
+    dialect.write_text(f'name = "mine"\ndescription = "own"\ncanonical_elsewhere = true\n[datasets]\n{places}')
+    notes = [problem for problem in resolve(file, load_dialect(str(dialect))).problems if problem.is_lossless]
+    assert [(note.stream, note.code) for note in notes] == [("events", "integrity.layout.missing_stream")] * own
 
 
 @pytest.mark.parametrize("dtype", [h5py.string_dtype(), h5py.vlen_dtype(np.int64), np.dtype([("t", "i8")])])

@@ -1,5 +1,7 @@
 """A file is written entirely or not at all."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -37,3 +39,26 @@ def test_the_file_is_as_public_as_its_folder_allows(tmp_path: Path) -> None:
     write_text(tmp_path / "one", "")
     (tmp_path / "other").write_text("")
     assert (tmp_path / "one").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+def test_a_link_stays_a_link(tmp_path: Path) -> None:
+    """The file to which it leads is replaced."""
+    (tmp_path / "folder").mkdir()
+    target, link = tmp_path / "folder" / "out.md", tmp_path / "link.md"
+    target.write_text("old")
+    link.symlink_to(target)
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+
+
+def test_a_pipe_stays_a_pipe_and_receives_what_is_written(tmp_path: Path) -> None:
+    """As any device does: nothing takes its place."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor() as pool:
+        received = pool.submit(pipe.read_text)
+        write_text(pipe, "new")
+        assert received.result(timeout=10) == "new"
+    assert pipe.is_fifo()
+    assert list(tmp_path.iterdir()) == [pipe]
