@@ -547,9 +547,12 @@ def _step_weights(offsets_us: Int64, degree: int) -> Float64:
 
 
 def _are_evenly_spaced(times_ns: Int64, size: int) -> bool:
-    """Return whether all steps are equal, so that all runs of ``size`` neighbours have the same weights."""
+    """Return whether all steps are equal, so that all runs of ``size`` neighbours have the same weights.
+
+    Steps below a microsecond are left to ``_stencils``, which has no run of such.
+    """
     steps_ns = np.diff(times_ns)
-    return len(times_ns) >= size and int(steps_ns.min()) == int(steps_ns.max())
+    return len(times_ns) >= size and _NS_PER_US <= int(steps_ns.min()) == int(steps_ns.max())
 
 
 def _weighted_neighbours(curve: SampledCurve, weights: Float64, centre: int, count: int) -> Float64:

@@ -95,6 +95,12 @@ def test_times_within_a_microsecond_are_not_compared() -> None:
     assert level.sigma < 1e-9
 
 
+def test_even_times_within_a_microsecond_are_not_compared() -> None:
+    """Seconds that were stored as microseconds: every step is 5 ns."""
+    times_ns = 5 * np.arange(100, dtype=np.int64)
+    assert divided_differences(times_ns, VectorSamples(np.cos(np.arange(300.0)).reshape(-1, 3)), 8).shape == (0, 3)
+
+
 @pytest.mark.parametrize("times_ns", [TIMES_NS, uneven_ns(601)], ids=["even", "uneven"])
 @pytest.mark.parametrize(("half_width", "degree"), [(4, 5), (6, 7), (12, 3)])
 def test_a_jump_is_found_to_size_and_place(times_ns: NDArray[np.int64], half_width: int, degree: int) -> None:
