@@ -53,7 +53,7 @@ _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 _IN_ONE_DIRECTION: Final = frozenset({"spatial_offset", "intrinsics_centre", "time_offset", "clock_rate"})
 """Causes that move edges in one direction: where the image moves evenly, one undoes what another did."""
 
-_VECTORS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm"})
+_VECTORS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm", "teleport"})
 """Causes whose size is the length of a vector, of which each finding states a component."""
 
 

@@ -15,6 +15,7 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
 from fedora_qa.checks.integrity.finite import OutOfRange
+from fedora_qa.checks.pose.continuity import DisplacedPositions
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.clocks import is_right_elsewhere
 from fedora_qa.diagnosis.declared_cameras import (
@@ -62,6 +63,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.flow_comparison import FlowParameterFit
 from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
+from fedora_qa.views.sample_defects import LoneSamples
 
 Faults = Iterator[ReversibleFault]
 
@@ -577,6 +579,18 @@ def _biases_of_parts(fit: FittedCause, kind: MotionKind) -> Iterator[tuple[Vecto
             yield part.bias, (int(first), None if isinf(part.stop_ns) else int(last))
 
 
+def _displacements(fit: FittedCause) -> Faults:
+    """Yield the displacement of positions from a jump to the one that undoes it."""
+    times_ns = fit.facts.clocks["pose"].times_ns
+    features = [feature for alarm in fit.alarms for feature in alarm.statistic.features]
+    if any(isinstance(feature, LoneSamples) for feature in features):
+        return  # of many jumps, the largest two are not those of one displacement
+    for displaced in dict.fromkeys(feature for feature in features if isinstance(feature, DisplacedPositions)):
+        first, last = np.searchsorted(times_ns, (displaced.start_ns, displaced.stop_ns))
+        rows = int(first), None if isinf(displaced.stop_ns) else int(last)
+        yield motion.Teleport(displaced.displacement_m, rows)
+
+
 def _lever_arm(fit: FittedCause) -> Faults:
     arm = vector("lever", fit.results.get("imu.translation"))
     if fit.stream == "pose" and arm:
@@ -649,6 +663,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "gravity_magnitude": _gravity,
         "gyro_bias": _gyro_bias,
         "accel_bias": _accel_bias,
+        "teleport": _displacements,
         "lever_arm": _lever_arm,
         "channel_order": _channel_order,
         "exposure_or_gamma": _curves,

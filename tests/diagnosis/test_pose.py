@@ -8,8 +8,10 @@ import pytest
 
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
+from fedora_qa.estimators.imu.samples import InertialNoise
+from fedora_qa.faults.motion import Teleport
 from tests.support.checked import diagnoses_of, run_check
-from tests.support.motion_world import HOVER, NOISY, RESTLESS, MotionFile, sample_motion
+from tests.support.motion_world import EXACT, HOVER, NOISY, RESTLESS, MotionFile, sample_motion
 
 
 def test_another_sequence_is_named(tmp_path: Path) -> None:
@@ -56,3 +58,24 @@ def test_noise_of_the_components_is_that_of_quaternions(tmp_path: Path) -> None:
         MotionFile().altered(orientations_xyzw=orientations).write(tmp_path / "motion.h5")
         record = check_file(tmp_path / "motion.h5", CheckOptions(select=("imu", "pose"), evidence=None)).record
         assert (record.diagnoses[0].cause, record.diagnoses[0].stream) == (cause, "pose")
+
+
+@pytest.mark.parametrize("rows", [(120, 300), (120, 393), (120, None)], ids=["and back", "back at the end", "for good"])
+@pytest.mark.parametrize("noise", [EXACT, NOISY], ids=["exact", "noisy"])
+def test_displaced_positions_are_undone_where_they_are(
+    tmp_path: Path, noise: InertialNoise, rows: tuple[int, int | None]
+) -> None:
+    """Both jumps state the displacement; one of the last poses, at which no filter estimates it, is found as well."""
+    samples = sample_motion(noise=noise)
+    positions_m = samples.positions_world_m.copy()
+    positions_m[slice(*rows)] += (0.3, -0.2, 0.1)
+    MotionFile(samples, noise).altered(positions_world_m=positions_m).write(tmp_path / "motion.h5")
+    run = check_file(tmp_path / "motion.h5", CheckOptions(select=("imu", "pose"), evidence=None))
+    diagnosis = run.record.diagnoses[0]
+    # What noise adds to the displacement may leave a bias of the accelerometer.
+    assert diagnosis.cause == "teleport"
+    assert diagnosis.status in (("confirmed",) if noise is EXACT else ("confirmed", "supported"))
+    fault = run.faults[diagnosis.id]
+    assert isinstance(fault, Teleport)
+    assert fault.rows == rows
+    assert fault.displacement_m == pytest.approx((0.3, -0.2, 0.1), abs=1e-5 if noise is EXACT else 0.03)

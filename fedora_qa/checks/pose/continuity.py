@@ -94,6 +94,23 @@ class PoseJump(Feature):
 
 
 @dataclass(frozen=True, slots=True)
+class DisplacedPositions(Feature):
+    """Positions are displaced from a jump on, to another jump that undoes it in the world or to the end.
+
+    Attributes
+    ----------
+    displacement_m
+        (3,) in the world, m.
+    start_ns, stop_ns
+        Of the first displaced pose and of the first one behind, ns from the file's origin; infinite without one.
+    """
+
+    displacement_m: tuple[float, float, float]
+    start_ns: float
+    stop_ns: float
+
+
+@dataclass(frozen=True, slots=True)
 class PairedSteps(Feature):
     """Two jumps of the position that cancel in the axes of the body and not in those of the world.
 
@@ -212,7 +229,12 @@ class PoseContinuity(WindowCheck[PoseSamples]):
             size, before = factor * float(steps.sizes[row, axis]), int(steps.before[row])
             transforms: tuple[Feature, ...]
             if name == "position":
-                transforms = (*position_transforms(poses, before, sigma), *_paired_steps(poses, steps, sigma, row))
+                partner = _partner(steps, sigma, row)
+                transforms = (
+                    *position_transforms(poses, before, sigma),
+                    *_paired_steps(poses, steps, sigma, row, partner),
+                    *_displaced_positions(poses, steps, sigma, row, partner),
+                )
             else:
                 transforms = orientation_transforms(poses, before, sigma)
             # Samples that repeat within the filter's reach have the effect of a jump.
@@ -270,19 +292,50 @@ class PoseContinuity(WindowCheck[PoseSamples]):
         return Observation(coverage, tuple(measurements))
 
 
-def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row: int) -> tuple[PairedSteps, ...]:
+def _partner(steps: StepEstimates, sigma_m: float, row: int) -> int | None:
+    """Return the largest jump, beyond the filter's reach from another, that exceeds noise and motion; None without."""
+    sizes_m, bounds_m = np.linalg.norm(steps.sizes, axis=1), _PAIR_SIGMAS * sigma_m * steps.gains + steps.motion
+    separate = np.abs(steps.before - steps.before[row]) > steps.reach
+    excess_m = np.where(separate & (sizes_m > bounds_m), sizes_m - bounds_m, -np.inf)
+    partner = int(np.argmax(excess_m))
+    return partner if np.isfinite(excess_m[partner]) else None
+
+
+def _displaced_positions(
+    poses: PoseSamples, steps: StepEstimates, sigma_m: float, row: int, partner: int | None
+) -> tuple[DisplacedPositions, ...]:
+    """Return the displacement that a jump begins, and its partner ends; that of all later poses without a partner."""
+    rows = np.array(sorted((row, row if partner is None else partner)))
+    first_m, second_m = steps.sizes[rows]
+    start_ns = float(poses.times_ns[steps.before[rows[0]] + 1])
+    if partner is None:
+        # Behind the last place at which a jump is estimated, a step is a return if it is nearer to one than to none.
+        behind = int(steps.before[-1])
+        turns_m = np.diff(poses.positions_world_m[behind:], 2, axis=0)
+        short_m = np.linalg.norm(turns_m + first_m, axis=1) - np.linalg.norm(turns_m, axis=1)
+        back = int(np.argmin(short_m)) if len(short_m) else 0
+        returns = len(short_m) > 0 and short_m[back] < 0
+        x_m, y_m, z_m = (float(value) for value in first_m)
+        stop_ns = float(poses.times_ns[behind + back + 2]) if returns else np.inf
+        return (DisplacedPositions((x_m, y_m, z_m), start_ns, stop_ns),)
+    noise_m = _PAIR_SIGMAS * sigma_m * float(np.linalg.norm(steps.gains[rows]))
+    if float(np.abs(first_m + second_m).max()) > noise_m + float(steps.motion[rows].sum()):
+        return ()
+    # Both measured the displacement.
+    x_m, y_m, z_m = (float(value) for value in (first_m - second_m) / 2)
+    return (DisplacedPositions((x_m, y_m, z_m), start_ns, float(poses.times_ns[steps.before[rows[1]] + 1])),)
+
+
+def _paired_steps(
+    poses: PoseSamples, steps: StepEstimates, sigma_m: float, row: int, partner: int | None
+) -> tuple[PairedSteps, ...]:
     """Return the jump that cancels another one in the axes of the body.
 
     A point l of the body lies ``R_world_body l`` from its origin. Positions of that point during a part of the sequence
     jump by ``R l`` at its start and by ``-R' l`` at its end. The two jumps cancel in the axes of the body; they cancel
     in those of the world only if the body has not turned between them, and then a shifted origin has the same effect.
     """
-    # The candidate is the largest jump beyond the filter's reach that exceeds noise and motion.
-    sizes_m, bounds_m = np.linalg.norm(steps.sizes, axis=1), _PAIR_SIGMAS * sigma_m * steps.gains + steps.motion
-    separate = np.abs(steps.before - steps.before[row]) > steps.reach
-    excess_m = np.where(separate & (sizes_m > bounds_m), sizes_m - bounds_m, -np.inf)
-    partner = int(np.argmax(excess_m))
-    if not np.isfinite(excess_m[partner]):
+    if partner is None:
         return ()
     rows = np.array(sorted((row, partner)))
     # R^T rotates each jump into the axes of the body.
