@@ -53,6 +53,10 @@ _LEAST_EXPLAINED: Final = 0.5
 _OPPOSITE: Final = ((-1, 0, 0), (0, -1, 0), (0, 0, -1))
 """Axes of a sensor whose values all have the other sign."""
 
+HALF_TURN: Final = ((-1, 0, 0), (0, -1, 0), (0, 0, 1))
+"""Axes of a sensor that is turned by half about Z. Those of the body of quaternions z, w, x, y that are taken for x, y,
+z, w are alike: ``(z, w, x, y) = -i q k^-1``, so that the body is turned about Z, and the world about X."""
+
 _ROUNDED_S: Final = 1e-6 / sqrt(12.0)
 """Standard deviation of rounding to whole microseconds, s. All timestamps of an even clock have the same rounding
 error."""
@@ -323,6 +327,8 @@ def convention_hypotheses(kind: MotionKind, convention: InertialConvention) -> t
         of_imu, of_pose = Hypothesis(cause, "imu", strength), Hypothesis("frame_convention", "pose", strength)
         if kind == "rotation":
             hypotheses.extend((of_imu, of_pose) if cause == "frame_convention" else (of_imu,))
+            if convention.sensor_axes == HALF_TURN:
+                hypotheses.append(Hypothesis("quaternion_order", "pose", strength))
             if convention.sensor_axes == _OPPOSITE:
                 # The inverse of an attitude turns by -R w: near an attitude of no rotation by the opposite rates.
                 hypotheses.append(Hypothesis("quaternion_inverted", "pose", strength))

@@ -30,6 +30,7 @@ from fedora_qa.diagnosis.declared_cameras import (
 )
 from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.flow import fractions_of_px
+from fedora_qa.diagnosis.imu import HALF_TURN
 from fedora_qa.diagnosis.measured_sizes import (
     Results,
     deviation,
@@ -357,6 +358,13 @@ def _angle_unit(fit: FittedCause) -> Faults:
     yield units.AngleUnit(fit.size)
 
 
+def _component_orders(fit: FittedCause) -> Faults:
+    """Yield w first, and before it the order of components that were put first twice where rates have its axes."""
+    if any(each.convention.sensor_axes == HALF_TURN for each, rows in _inertial_conventions(fit) if rows is None):
+        yield motion.QuaternionOrder((2, 3, 0, 1))
+    yield motion.QuaternionOrder()
+
+
 def _matrix(rows: Sequence[Sequence[float]]) -> Matrix3:
     first, second, third = ((float(x), float(y), float(z)) for x, y, z in rows)
     return first, second, third
@@ -656,7 +664,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "intrinsics_centre": _principal_point,
         "extrinsic_rotation": _mounting,
         "quaternion_inverted": lambda _: iter([motion.QuaternionInversion(), motion.PoseInversion()]),
-        "quaternion_order": lambda _: iter([motion.QuaternionOrder()]),
+        "quaternion_order": _component_orders,
         "quaternion_not_unit": lambda fit: iter([motion.QuaternionLength(fit.size)]),
         "gravity_missing": lambda _: iter([motion.GravityError("gravity_missing"), motion.GravityAlongBody()]),
         "gravity_sign": lambda _: iter([motion.GravityError("gravity_sign"), motion.ForceSign()]),

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.causes import CAUSES, stream_family
@@ -19,7 +20,7 @@ from fedora_qa.faults.cameras import FocalLength, MountingRotation, PrincipalPoi
 from fedora_qa.faults.clocks import ClockRate, ClockShift
 from fedora_qa.faults.fault import is_of_part
 from fedora_qa.faults.images import RayLength
-from fedora_qa.faults.motion import AngleSense
+from fedora_qa.faults.motion import AngleSense, QuaternionOrder
 from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.row_order import DelayedFrames
 from fedora_qa.faults.table import faults_of
@@ -96,6 +97,21 @@ def test_rays_are_undone_in_the_direction_that_was_fitted(fitted: float, first: 
     results = dict([result("depth.projection", ray_exponent=fitted)])
     faults = list(faults_for("depth_ray_not_z", "depth", None, (), results, facts_of(memory_sequence())))
     assert faults == [RayLength(first), RayLength(-first)]
+
+
+def test_components_that_were_put_first_twice_turn_body_and_world() -> None:
+    """Quaternions z, w, x, y are those of a body that is turned about Z, and of a world that is turned about X."""
+    facts, order = facts_of(memory_sequence()), QuaternionOrder((2, 3, 0, 1))
+    q = np.random.default_rng(0).normal(size=(20, 4))
+    i, k = Rotation.from_quat([1.0, 0.0, 0.0, 0.0]), Rotation.from_quat([0.0, 0.0, 1.0, 0.0])
+    expected = i * Rotation.from_quat(q) * k.inv()
+    assert np.allclose((Rotation.from_quat(q[:, list(order.order)]) * expected.inv()).magnitude(), 0.0, atol=1e-7)
+    axes = ((-1, 0, 0), (0, -1, 0), (0, 0, 1))
+    convention = InertialConvention(sensor_axes=axes, residual=1.0, declared_residual=9.0, count=9)
+    shown = alarm("imu.rotation.disagreement", InertialConventionTrial(convention))
+    assert ("quaternion_order", "pose") in [(h.cause, h.stream) for h in hypotheses_of(shown, facts)]
+    assert list(faults_for("quaternion_order", "pose", None, (shown,), {}, facts)) == [order, QuaternionOrder()]
+    assert list(faults_for("quaternion_order", "pose", None, (), {}, facts)) == [QuaternionOrder()]
 
 
 def of_pairs(first: int, last: int) -> Alarm:
