@@ -79,16 +79,17 @@ class DaskExecutor:
             # A plain connection first, which raises ``OSError`` or ``ValueError`` where nothing listens: a Dask client
             # that could not connect logs its failure again at exit.
             socket.create_connection(get_address_host_port(address), timeout=_CONNECT_S).close()
-            self._client: Any = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+            client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as problem:
             raise MisuseError(f"Expected a Dask scheduler at {address}, got: {problem}") from None
+        self._client: Any = client
         self._code = code_digest()
         self._remote: dict[Future[Any], Any] = {}
         self._threads: tuple[int, ...] = ()
         self._counted_at = self._seen_at = time.monotonic()
         self._count()
         if not self._threads:
-            self._client.close()
+            client.close()  # type: ignore[no-untyped-call]
             raise FedoraError(f"Expected workers in the cluster at {address}, got none; start some and run again")
 
     @property
