@@ -133,7 +133,6 @@ def certificate_of(record: Record, policy: Policy, policy_sha256: str, digests: 
             )
             checks.append(CertifiedCheck(result.check, result.outcome, result.coverage, sights))
         files.append(CertifiedFile(name, file.size, digests[name], tuple(checks)))
-    documents = (policy.documents.datasheet, policy.documents.licence, policy.documents.checksums)
     certificate = Certificate(
         certificate_version=CERTIFICATE_VERSION,
         issued=record.run.started,
@@ -143,7 +142,7 @@ def certificate_of(record: Record, policy: Policy, policy_sha256: str, digests: 
         policy_sha256=policy_sha256,
         policy_digest=policy.digest,
         files=tuple(files),
-        documents={name: whole_digest(inside(folder, name)) for name in documents if name is not None},
+        documents={name: whole_digest(inside(folder, name)) for name in policy.documents.names.values()},
         patterns=policy.files,
         waivers=policy.waivers,
         noted=tuple(

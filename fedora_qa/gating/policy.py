@@ -55,6 +55,12 @@ class Documents:
     checksums: str | None = None
     """In the form of ``sha256sum``: it must list every sequence, and every digest in it must be correct."""
 
+    @property
+    def names(self) -> Mapping[str, str]:
+        """The name of each document that is required, by its kind."""
+        names = {"datasheet": self.datasheet, "licence": self.licence, "checksums": self.checksums}
+        return {kind: name for kind, name in names.items() if name is not None}
+
 
 @dataclass(frozen=True, slots=True)
 class Policy:
@@ -145,8 +151,8 @@ def read_policy(path: Path) -> Policy:
     for pattern in policy.files:
         if not is_plain(pattern):
             raise MisuseError(f"Expected patterns beneath the folder in 'files', got {pattern!r}")
-    for document in (policy.documents.datasheet, policy.documents.licence, policy.documents.checksums):
-        if document is not None and not is_plain(document):
+    for document in policy.documents.names.values():
+        if not is_plain(document):
             raise MisuseError(f"Expected names of files within the folder in 'documents', got {document!r}")
     try:
         re.compile(policy.naming or "")

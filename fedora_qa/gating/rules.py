@@ -215,11 +215,8 @@ def _segment_of(times_us: Sequence[float]) -> Where:
 
 def rule_on_documents(folder: Place, documents: Documents) -> ReleaseResult:
     """Datasheet, licence and checksums are there and not empty."""
-    required = {"datasheet": documents.datasheet, "licence": documents.licence, "checksums": documents.checksums}
     violations = []
-    for kind, name in required.items():
-        if name is None:
-            continue
+    for kind, name in documents.names.items():
         if not has_document(folder, name):
             message = f"Expected the {kind} in {name}, got no such file, or an empty one"
             violations.append(Violation(FOLDER, kind, message))
