@@ -8,11 +8,12 @@ from rich.table import Table
 from rich.text import Text
 
 from fedora_qa.causes import CAUSES, allowed
-from fedora_qa.check_names import require_check_names
+from fedora_qa.check_names import require_check_names, subject_of
 from fedora_qa.checks.explanation import Explanation, published_explanations
 from fedora_qa.cli.console import stdout_console
 from fedora_qa.cli.options import complete_explained
 from fedora_qa.errors import MisuseError
+from fedora_qa.record.wording import capitalised
 
 
 @click.command()
@@ -50,7 +51,7 @@ def explain(name: str) -> int:
         size = "a pure number" if cause.unit == "1" else f"in {cause.unit}"
         sign = f"{size}; positive means timestamps too late, or values too large" if cause.unit else "it has none"
         for title, sentence in (("What is wrong", cause.meaning), ("Size", sign), ("Remedy", cause.remedy)):
-            console.print(Text.assemble("\n", (title, "bold"), f"\n{sentence[0].upper()}{sentence[1:].rstrip('.')}."))
+            console.print(Text.assemble("\n", (title, "bold"), f"\n{capitalised(sentence).rstrip('.')}."))
         return 0
     require_check_names([name], also=CAUSES)
     for explained in explanations_of(name):
@@ -72,7 +73,7 @@ def explanations_of(name: str) -> tuple[Explanation, ...]:
         There is no such check or subject.
     """
     require_check_names([name])
-    explanations = [each for each in published_explanations() if name in {each.check, each.check.split(".")[0]}]
+    explanations = [each for each in published_explanations() if name in {each.check, subject_of(each.check)}]
     # Loads pydantic, which `checks` does not need.
     from fedora_qa.cli.published_studies import measured_sections  # noqa: PLC0415
 

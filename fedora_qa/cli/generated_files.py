@@ -17,6 +17,7 @@ from pydantic import TypeAdapter
 import fedora_qa
 from fedora_qa.catalogue import all_checks
 from fedora_qa.causes import CAUSES, Cause
+from fedora_qa.check_names import subject_of
 from fedora_qa.checks.explanation import PUBLISHED, Explanation, explanation, explanations_text
 from fedora_qa.cli.markdown import check_link, code_list, heading_anchor, markdown_of
 from fedora_qa.cli.schema import SCHEMAS
@@ -32,7 +33,7 @@ from fedora_qa.record.atomic import write_text
 from fedora_qa.record.documents import DocumentKind, schema_of, schema_text
 from fedora_qa.record.json_io import RECORD
 from fedora_qa.record.power_study import POWER
-from fedora_qa.record.wording import with_unit
+from fedora_qa.record.wording import capitalised, with_unit
 from fedora_qa.repairs.mechanical import MECHANICAL
 from fedora_qa.scoring.types import SCORE
 
@@ -89,7 +90,7 @@ def check_pages() -> Mapping[str, str]:
     """Return the pages of the checks, Markdown, by the names of their files."""
     explanations_of: dict[str, list[Explanation]] = {}
     for each in explanations():
-        explanations_of.setdefault(each.check.split(".")[0], []).append(each)
+        explanations_of.setdefault(subject_of(each.check), []).append(each)
     index = (
         "# Checks\n\nEach page has the text of `fedora-qa explain` for the checks of a subject. "
         "`make docs` writes these pages.\n"
@@ -155,7 +156,7 @@ def _cause_page(cause: Cause) -> str:
     )
     return (
         f"# {cause.identifier}\n\n"
-        f"**{cause.meaning[0].upper()}{cause.meaning[1:]}.**\n\n"
+        f"**{capitalised(cause.meaning)}.**\n\n"
         f"- Streams: {code_list(cause.streams)}\n"
         f"- Size: {unit}\n"
         f"- Remedy: {cause.remedy}\n\n"

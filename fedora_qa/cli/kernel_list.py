@@ -13,6 +13,7 @@ from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 
 from fedora_qa.catalogue import all_checks
+from fedora_qa.check_names import subject_of
 from fedora_qa.engine.compilation.kernel_groups import KERNELS_PATH, KernelGroup
 from fedora_qa.engine.compilation.kernels import kernel_of, text_of
 from fedora_qa.engine.executors.executor import Task, Worker
@@ -75,7 +76,7 @@ def list_kernels(paths: Sequence[Path]) -> tuple[KernelGroup, ...]:
     return groups_of(
         {
             subject: [_called_alone(path, subject) for path in paths]
-            for subject in sorted({check.name.split(".")[0] for check in all_checks()})
+            for subject in sorted({subject_of(check.name) for check in all_checks()})
         }
     )
 

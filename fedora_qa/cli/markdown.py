@@ -3,6 +3,8 @@
 import re
 from collections.abc import Iterable
 
+from fedora_qa.check_names import subject_of
+
 
 def markdown_of(text: str) -> str:
     """Turn a docstring's marks into Markdown's: code in single backticks, blocks of formulas indented as they are."""
@@ -17,7 +19,7 @@ def code_list(names: Iterable[str]) -> str:
 
 def check_link(check: str) -> str:
     """Return a link from a page beside the folder of the checks' pages to the section of a check."""
-    return f"[`{check}`](../checks/{check.split('.', maxsplit=1)[0]}.md#{heading_anchor(check)})"
+    return f"[`{check}`](../checks/{subject_of(check)}.md#{heading_anchor(check)})"
 
 
 def heading_anchor(heading: str) -> str:

@@ -31,6 +31,7 @@ from fedora_qa.record.markdown import record_to_markdown
 from fedora_qa.record.sarif import RuleHelp, record_to_sarif
 from fedora_qa.record.tables import CSV_NAMES, TABLE_NAMES, Kind, Table, record_to_csv, tables_of
 from fedora_qa.record.types import FileRecord, Record
+from fedora_qa.record.wording import capitalised
 from fedora_qa.scoring.types import Score
 
 PARQUET_NAMES: Final = tuple(f"{name}.parquet" for name in TABLE_NAMES)
@@ -307,5 +308,5 @@ def _help_of(explained: Explanation) -> RuleHelp:
 def _remedies(check: str) -> list[str]:
     """Return the remedies of the causes that a check measures directly, as a list of Markdown and a blank line."""
     causes = [cause for cause in CAUSES.values() if is_direct(cause.identifier, f"{check}.rule")]
-    items = [f"- {cause.meaning[0].upper()}{cause.meaning[1:]}: {cause.remedy}" for cause in causes]
+    items = [f"- {capitalised(cause.meaning)}: {cause.remedy}" for cause in causes]
     return [*items, ""] if items else []

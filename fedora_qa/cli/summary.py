@@ -148,10 +148,7 @@ def _common_verdict(files: Sequence[FileRecord]) -> Text:
 
 def _run_lines(record: Record) -> Iterator[str]:
     """Yield how the record was made: settings, time, traffic, budget, slowest checks."""
-    # Seconds of the stages; those of single checks, "check <name>", lie within a stage and must not be added again.
-    seconds, host = record.run.seconds, record.run.host
-    stages = {name: spent for name, spent in seconds.items() if not name.startswith("check ")}
-    checks = {name.removeprefix("check "): spent for name, spent in seconds.items() if name.startswith("check ")}
+    stages, checks, host = record.run.stage_seconds, record.run.check_seconds, record.run.host
     parts = [
         f"{sum(stages.values()):.1f} s",
         # At one decimal a shorter stage would be printed as 0.0 s.

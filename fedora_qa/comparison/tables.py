@@ -23,7 +23,7 @@ from fedora_qa.comparison.types import (
 from fedora_qa.record.latex import LATEX_NEEDS, latex_table
 from fedora_qa.record.markdown import escape, table_section
 from fedora_qa.record.tables import ABSENT, TextTable
-from fedora_qa.record.wording import OUTCOME_WORDS, number, with_error, with_unit
+from fedora_qa.record.wording import OUTCOME_WORDS, capitalised, number, with_error, with_unit
 
 _FLOW: Final = "flow_"
 
@@ -284,7 +284,7 @@ def _distances(pair: Pair) -> TextTable:
         [
             "Shift of the mean and Wasserstein distance, with standard errors where enough can be drawn again; chance: "
             "the share of exchanges between both sides that leave them as far apart.",
-            *(f"{reason[:1].upper()}{reason[1:]}." for reason in reasons),
+            *(f"{capitalised(reason)}." for reason in reasons),
         ]
     )
     return TextTable("Distributions", (*(("file",) if by_file else ()), *head), rows, note)

@@ -31,7 +31,7 @@ from fedora_qa.judgement.places import join_places
 from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of
 from fedora_qa.layout.canonical import FRAMES_OF_MAP
 from fedora_qa.record.evidence import AGREEMENT, named
-from fedora_qa.record.types import Canary, FileRecord, Finding, Outcome
+from fedora_qa.record.types import CHECK_SECONDS, Canary, FileRecord, Finding, Outcome
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
 from fedora_qa.storage.place import RemoteFile
@@ -139,7 +139,7 @@ def assemble(
         canaries=canaries,
         comparisons=comparisons_of(results, crossing),
     )
-    seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
+    seconds = watch.seconds | {f"{CHECK_SECONDS}{name}": spent for name, spent in states.seconds.items()}
     decoded_bytes = states.decoded_bytes + ready.decoder.decoded_bytes - decoded_before
     traffic = survey.traffic + states.traffic + file.sequence.traffic
     faults = {identifier: trial.fault for identifier, trial in causes.trials.items()}

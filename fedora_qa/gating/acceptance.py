@@ -10,16 +10,18 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import date
 from statistics import NormalDist
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
 from fedora_qa.causes import CAUSES, STREAMS
+from fedora_qa.check_names import subject_of
 from fedora_qa.errors import MisuseError, did_you_mean
 from fedora_qa.gating.release import ReleaseResult, Violation
 from fedora_qa.layout.canonical import is_flow_stream
 from fedora_qa.record.types import (
     FOLDER,
+    GRAVE,
     IMMATERIAL,
     FileRecord,
     Finding,
@@ -27,20 +29,16 @@ from fedora_qa.record.types import (
     Record,
     Result,
     Severity,
-    Side,
     Waived,
     names_in_release,
 )
-
-_GRAVE: Final[frozenset[Severity]] = frozenset({"critical", "error"})
-"""Severities of findings that fail a check."""
 
 Mark = Callable[[Result, Finding], Finding]
 """Returns a finding with the severity and message that it is to have."""
 
 NonEmpty = Annotated[str, Field(min_length=1)]
 
-_KNOWN_SEVERITIES = _GRAVE | {"warning"}
+_KNOWN_SEVERITIES = GRAVE | {"warning"}
 """Severities of an earlier record's findings that count as known. Waived findings are information and do not."""
 
 Key = tuple[str, str, str, str | None, str]
@@ -58,7 +56,7 @@ def _mark_findings(file: FileRecord, mark: Mark) -> FileRecord:
         elif result.outcome not in {"failed", "warned"}:
             results.append(replace(result, findings=findings))
         else:
-            grave = any(finding.severity in _GRAVE for finding in findings)
+            grave = any(finding.severity in GRAVE for finding in findings)
             results.append(replace(result, findings=findings, outcome="failed" if grave else "warned"))
     return replace(file, results=tuple(results))
 
@@ -84,7 +82,7 @@ def with_severity(
     def mark(result: Result, finding: Finding) -> Finding:
         if finding.code == f"{result.check}.{IMMATERIAL}":
             return finding
-        subject = result.check.partition(".")[0]
+        subject = subject_of(result.check)
         named = severity.get(result.check, severity.get(subject))
         unnamed: Severity = "error" if fail_on == "warned" and result.outcome == "warned" else finding.severity
         return replace(finding, severity=named or unnamed)
@@ -251,7 +249,7 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
     def mark(result: Result, finding: Finding) -> Finding:
         keys = Counter(_keys(name, result, finding))
         # A finding is known where it is known at all its places.
-        if finding.severity not in _GRAVE or not keys <= left:
+        if finding.severity not in GRAVE or not keys <= left:
             return finding
         # Whether any value lies farther out than before, beyond the errors of both. The difference of two correct
         # deviations is normal with the variances of both. The check's measurements share the rate (Bonferroni).
@@ -282,15 +280,8 @@ def _farther_out(now: Measurement, before: Measurement, sigmas: float) -> bool:
     """Whether a value lies farther out than before; what is not a number lies farther out than every number."""
     if now.value is None or before.value is None:
         return now.value is None and before.value is not None
-    if now.expected is None or before.expected is None:
+    deviation, earlier = now.counted_deviation, before.counted_deviation
+    if deviation is None or earlier is None:
         return False
-    grown = _deviation(now.value - now.expected, now.side) - _deviation(before.value - before.expected, before.side)
     # Variances of both deviations add; ``sigmas`` is the one-sided quantile at the shared rate.
-    return grown > sigmas * math.hypot(now.standard_error or 0.0, before.standard_error or 0.0)
-
-
-def _deviation(difference: float, side: Side) -> float:
-    if side == "both":
-        return abs(difference)
-    # What lies on the side without a limit does not deviate.
-    return max(difference if side == "upper" else -difference, 0.0)
+    return deviation - earlier > sigmas * math.hypot(now.standard_error or 0.0, before.standard_error or 0.0)

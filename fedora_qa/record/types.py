@@ -21,6 +21,12 @@ CanaryOutcome = Literal["seen", "withheld", "silent", "not_planted"]
 DiagnosisStatus = Literal["confirmed", "supported", "suggested", "unidentified"]
 Scalar = str | int | float | bool | None
 
+GRAVE: Final[frozenset[Severity]] = frozenset({"critical", "error"})
+"""Severities of findings that fail a check."""
+
+CHECK_SECONDS: Final = "check "
+"""Prefix of the names of those seconds of a run that belong to one check."""
+
 FOLDER: Final = "."
 """The name of the release itself, beside those of its files."""
 
@@ -76,15 +82,22 @@ class Measurement:
         return None if self.limit is None else self.limit + self.material
 
     @property
+    def counted_deviation(self) -> float | None:
+        """The size of the deviation, 0 on a side that does not count; None without a value or what is expected."""
+        if self.value is None or self.expected is None:
+            return None
+        deviation = self.value - self.expected
+        if self.side == "both":
+            return abs(deviation)
+        return max(deviation if self.side == "upper" else -deviation, 0.0)
+
+    @property
     def exceeds_limit(self) -> bool:
         """Whether the value exceeds its limit, whatever is material; one that is not finite exceeds every limit."""
         if self.value is None:
             return True
-        if self.expected is None or self.limit is None:
-            return False
-        deviation = self.value - self.expected
-        signed = {"both": abs(deviation), "upper": deviation, "lower": -deviation}
-        return signed[self.side] > self.limit
+        deviation = self.counted_deviation
+        return deviation is not None and self.limit is not None and deviation > self.limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,6 +251,17 @@ class Run:
     started: str
     seconds: Mapping[str, float]
     host: Mapping[str, Scalar]
+
+    @property
+    def stage_seconds(self) -> Mapping[str, float]:
+        """Seconds by stage. Those of single checks lie within a stage: they are left out, not to be added again."""
+        return {name: spent for name, spent in self.seconds.items() if not name.startswith(CHECK_SECONDS)}
+
+    @property
+    def check_seconds(self) -> Mapping[str, float]:
+        """Seconds by check."""
+        of_checks = {name: spent for name, spent in self.seconds.items() if name.startswith(CHECK_SECONDS)}
+        return {name.removeprefix(CHECK_SECONDS): spent for name, spent in of_checks.items()}
 
 
 @dataclass(frozen=True, slots=True)

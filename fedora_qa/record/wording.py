@@ -75,6 +75,11 @@ def unobeyed(text: str) -> str:
     return printable(text).replace("::", ": :").replace("::", ": :").replace("##[", "## [")
 
 
+def capitalised(text: str) -> str:
+    """Return a text with a capital at its beginning; the rest stays as it is."""
+    return f"{text[:1].upper()}{text[1:]}"
+
+
 def number(value: float | None) -> str:
     """Return a number with four significant digits; integers in full."""
     if value is None:
@@ -303,14 +308,10 @@ def coverage_words(coverage: Coverage | None) -> str:
 
 def _excess(measurement: Measurement) -> float:
     """Return how far a value lies out, in multiples of what is allowed; 0 on a side that does not count."""
-    if measurement.value is None or measurement.expected is None:
+    deviation = measurement.counted_deviation
+    if deviation is None:
         # A value that could not be computed lies farthest out; without an expectation there is no deviation.
         return math.inf if measurement.value is None else 0.0
-    difference = measurement.value - measurement.expected
-    if measurement.side == "both":
-        deviation = abs(difference)
-    else:
-        deviation = max(difference if measurement.side == "upper" else -difference, 0.0)
     if not measurement.allowed:
         # Nothing is allowed under an exact rule: any deviation breaks it.
         return math.inf if deviation else 0.0

@@ -9,6 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from fedora_qa.record.evidence import TRAJECTORY, named
+from fedora_qa.record.types import GRAVE
 from fedora_qa.record.wording import number, printable
 from fedora_reports import trajectory
 from fedora_reports.clouds import CloudAxis, CloudView, box_scene
@@ -17,11 +18,10 @@ from fedora_reports.evidence import Array, Evidence
 from fedora_reports.scales import Tick
 from fedora_reports.timeline import AnchoredFinding
 from fedora_reports.trajectory import TrajectoryPicture
-from fedora_reports.trajectory_path import OUTLINE, box_around, flown_path, frusta_of, speed_colours
+from fedora_reports.trajectory_path import MOST_POINTS, OUTLINE, box_around, flown_path, frusta_of, speed_colours
 from fedora_reports.trajectory_views import Mark
 from fedora_reports.world import draw_world, world_of, world_scene
 
-MOST_POINTS: Final = 600
 _MOST_MARKS: Final = 80
 _LEVELS: Final = 12
 _VIEW: Final = CloudView(yaw_rad=0.6, pitch_rad=0.5)
@@ -76,7 +76,7 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
     marks = []
     for located in findings:
         start_us, stop_us = located.finding.where.start_us, located.finding.where.stop_us
-        if start_us is None or not len(sorted_us) or located.finding.severity not in {"critical", "error"}:
+        if start_us is None or not len(sorted_us) or located.finding.severity not in GRAVE:
             continue
         if not sorted_us[0] <= start_us <= sorted_us[-1]:
             continue

@@ -16,7 +16,7 @@ from fedora_qa.record.json_io import record_from_json, record_to_json
 from fedora_qa.record.latex import LATEX_NEEDS, latex_table
 from fedora_qa.record.tables import table_to_csv
 from fedora_qa.record.types import Record
-from fedora_qa.record.wording import printable
+from fedora_qa.record.wording import capitalised, printable
 from fedora_reports.detection_power import NOTHING_KNOWN, PassDetectionPower
 from fedora_reports.page import NO_PRICES, page_of
 from fedora_reports.statistics import Table
@@ -122,4 +122,4 @@ def _latex(table: Table) -> Markup:
 def _sentence(text: str) -> str:
     """Return a clause as a sentence: with a capital and a full stop."""
     stop = "" if text.endswith((".", "!", "?")) else "."
-    return f"{text[:1].upper()}{text[1:]}{stop}"
+    return f"{capitalised(text)}{stop}"

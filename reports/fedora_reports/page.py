@@ -28,6 +28,7 @@ from fedora_qa.record.wording import (
     OUTCOME_WORDS,
     basis_of_clean,
     canaries_seen,
+    capitalised,
     cause_sentence,
     findings_of,
     identity,
@@ -117,7 +118,7 @@ def verdict_of(file: FileRecord) -> VerdictText:
         basis = f"None of {checks(len(file.results))} came to a verdict." if file.results else "No check was run."
     canaries = canaries_seen(file)
     if canaries:
-        basis = f"{basis} {canaries[:1].upper()}{canaries[1:]}."
+        basis = f"{basis} {capitalised(canaries)}."
 
     present = [outcome for outcome in OUTCOME_WORDS if outcomes[outcome]]
     widths = [outcomes[outcome] / len(file.results) for outcome in present]
@@ -131,10 +132,6 @@ def verdict_of(file: FileRecord) -> VerdictText:
 def checks(count: int) -> str:
     """Return ``1 check``, ``2 checks``."""
     return f"{count} check" if count == 1 else f"{count} checks"
-
-
-_CHECK = "check "
-"""Prefix of the names of those seconds that belong to one check."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,9 +185,7 @@ def run_provenance(record: Record) -> Provenance:
         ("Configuration", record.config_digest),
         ("Record version", record.record_version),
     ]
-    seconds = record.run.seconds
-    stages = {name: spent for name, spent in seconds.items() if not name.startswith(_CHECK)}
-    checks = {name.removeprefix(_CHECK): spent for name, spent in seconds.items() if name.startswith(_CHECK)}
+    stages, checks = record.run.stage_seconds, record.run.check_seconds
     slowest = dict(sorted(checks.items(), key=lambda item: -item[1]))
     host = tuple((name.replace("_", " "), _fact(value)) for name, value in record.run.host.items())
     tables = (

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fedora_qa.record.types import FileRecord, Severity
+from fedora_qa.record.types import GRAVE, FileRecord, Severity
 from fedora_qa.record.wording import cause_sentence, findings_of, place, status_sentence
 from fedora_reports.anchors import Anchors
 from fedora_reports.evidence import Evidence
@@ -39,7 +39,7 @@ class FindingView:
     @property
     def grave(self) -> bool:
         """Whether the finding counts against the file."""
-        return self.severity in {"critical", "error"}
+        return self.severity in GRAVE
 
 
 @dataclass(frozen=True, slots=True)

@@ -165,10 +165,8 @@ def subjects_of(
         farthest = principal(result) if result.outcome in _CONCLUSIVE else None
         # How far out that lies: on the side that counts, in limits.
         nearness = 0.0
-        if farthest and farthest.value is not None and farthest.expected is not None and farthest.allowed is not None:
-            deviation = farthest.value - farthest.expected
-            counted = {"both": abs(deviation), "upper": max(deviation, 0.0), "lower": max(-deviation, 0.0)}
-            distance = counted[farthest.side]
+        distance = farthest.counted_deviation if farthest else None
+        if farthest and distance is not None and farthest.allowed is not None:
             if not math.isfinite(distance) or distance > _FARTHEST * farthest.allowed:
                 nearness = _FARTHEST
             elif farthest.allowed:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fedora_qa.record.evidence import TIMELINE, UNMEASURED, named
-from fedora_qa.record.types import Finding
+from fedora_qa.record.types import GRAVE, Finding
 from fedora_qa.record.wording import number
 from fedora_reports.charts import HEIGHT, WIDTH, steps_path
 from fedora_reports.evidence import Array, Evidence
@@ -207,7 +207,7 @@ def _row(
             continue
         free_from[lane] = max(right, left + _LABEL_SHARE)
         finding = located.finding
-        grave = finding.severity in {"critical", "error"}
+        grave = finding.severity in GRAVE
         marks.append(TimelineMark(located.anchor, finding.id, finding.message, left, right - left, lane, grave))
     places = sum(is_further for _, is_further in without_lane)
     starts = sorted({round(left, 3) for left, _ in without_lane})

@@ -14,6 +14,9 @@ from fedora_reports.scales import Axis
 
 Float64 = NDArray[np.float64]
 
+MOST_POINTS: Final = 600
+"""Largest number of poses of a path on a page."""
+
 _STILL_M: Final = 1e-6
 """A path within this length is a point; it gets a box of a metre."""
 _STILL_M_S: Final = 1e-6
