@@ -245,12 +245,12 @@ def event_clouds_of(evidence: Evidence) -> tuple[EventCloud, ...]:
     c, m = len(times_us), len(instant)
     intervals_us, counts, shapes_px = array("intervals_us", c, 2), array("counts", c), array("shapes_px", c, 2)
     offsets_us, x, y, polarities = (array(name, m) for name in ("offsets_us", "x", "y", "polarities"))
+    if intervals_us is None or counts is None or shapes_px is None:
+        return ()
+    if offsets_us is None or x is None or y is None or polarities is None:
+        return ()
     clouds = []
     for k in range(c):
-        if intervals_us is None or counts is None or shapes_px is None:
-            break
-        if offsets_us is None or x is None or y is None or polarities is None:
-            break
         cloud = _cloud(
             float(times_us[k]),
             intervals_us[k].astype(np.float64),

@@ -18,13 +18,13 @@ from fedora_qa.record.tables import TextTable
 from fedora_qa.record.wording import number, with_error
 from fedora_reports.charts import HEIGHT, WIDTH
 from fedora_reports.evidence import Evidence
-from fedora_reports.flight import MOST_POINTS, poses_of
+from fedora_reports.flight import poses_of
 from fedora_reports.html import rendered
 from fedora_reports.panels import Kind, Legend, Panel, legends_for, panels_of, scales_for, seconds
 from fedora_reports.scales import Axis, Tick
 from fedora_reports.snapshots import Snapshot, snapshots_of
 from fedora_reports.statistics import Table
-from fedora_reports.trajectory_path import flown_path
+from fedora_reports.trajectory_path import MOST_POINTS, flown_path
 from fedora_reports.trajectory_views import draw_paths
 
 _INSTANTS: Final = 3

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from fedora_qa.record.evidence import MOMENTS
 from fedora_reports.anchors import Anchors
 from fedora_reports.evidence import Evidence
 from fedora_reports.panels import Legend, Panel, PictureScales, legends_for, panels_of, scales_for, seconds
@@ -83,7 +84,7 @@ def pictures_of(
     trials = {item: (_row(before, scales), _row(after, scales)) for item, (before, after) in of_trials.items()}
     if not panels:
         return Pictures(None, worst_locations, trials)
-    titles = (evidence.title(name) for name in evidence.under("moments") if not name.endswith("_us"))
+    titles = (evidence.title(name) for name in evidence.under(MOMENTS) if not name.endswith("_us"))
     strip = Strip(rows, legends_for(tuple(panels), scales), tuple(dict.fromkeys(titles)))
     return Pictures(strip, worst_locations, trials)
 

@@ -14,12 +14,11 @@ from typing import Any, Final
 import numpy as np
 
 from fedora_qa.record.wording import number
-from fedora_reports.trajectory_path import FlownPath, Frusta, box_around, flown_path
+from fedora_reports.trajectory_path import MOST_POINTS, FlownPath, Frusta, box_around, flown_path
 from fedora_reports.trajectory_views import Mark, draw_views, without_path
 
 TIME_LIMIT_S: Final = 120.0
 
-_MOST_POINTS: Final = 600
 _CRASHED: Final = "VTK ended without a word"
 _NO_PATH: Final = "No pose has a finite position: there is no path to draw."
 _CONES: Final = "White cones show where the body points."
@@ -85,7 +84,7 @@ def render_trajectory(
         "speeds_m_s": speeds_m_s,
         "forward_world": forward_world,
     }
-    path = flown_path(**arrays, most=_MOST_POINTS)
+    path = flown_path(**arrays, most=MOST_POINTS)
     if not path.runs:
         return TrajectoryPicture(b"", _NO_PATH, "")
     views = _CONES
