@@ -12,7 +12,7 @@ from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.fitting.robust import NORMAL_QUARTILE
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.facts import Facts, IndexMap
+from fedora_qa.sequence.facts import Facts, IndexMap, has_place
 from fedora_qa.views.clock_resets import clock_reset
 
 Int64 = NDArray[np.int64]
@@ -187,12 +187,16 @@ def map_observation(
     # Rows beyond the shorter length have no counterpart; the coverage states them.
     length = min(len(index_map.stored), len(index_map.expected_left))
     whole = max(len(index_map.stored), len(index_map.expected_left))
-    coverage = Coverage(length, whole, f"{words.noun}s")
+    # No entry is correct or wrong for an instant that is NaN.
+    placed = has_place(times_ns[:length])
+    coverage = Coverage(int(np.count_nonzero(placed)), whole, f"{words.noun}s")
     if events is None or events.unreadable:
         return Observation(coverage, unobservable="event timestamps cannot be decoded, which the count needs")
     if not length:
         return Observation(coverage, unobservable=f"the map, or the stream of its {words.noun}s, is empty")
-    wrong = np.flatnonzero(index_map.stored[:length] != index_map.expected_left[:length])
+    if not placed.any():
+        return Observation(coverage, unobservable=f"no {words.noun} has a place in time")
+    wrong = np.flatnonzero((index_map.stored[:length] != index_map.expected_left[:length]) & placed)
     first = int(wrong[0]) if len(wrong) else None
     features: list[Feature] = []
     place = ""

@@ -16,7 +16,8 @@ from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.faults.index_maps import IndexShift
 from fedora_qa.judgement.judge import Judged, judge
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
+from fedora_qa.sequence.facts import Facts, clock_of
 from tests.support.checked import diagnoses_of, run_check
 from tests.support.facts import exact_facts, with_map
 from tests.support.handmade import write_handmade
@@ -67,6 +68,21 @@ def test_deviation_is_named(name: str, stored: np.ndarray, cause: str, magnitude
     if magnitude is not None:
         assert first.magnitude == pytest.approx(magnitude, rel=0.01)
     assert alarm.finding.where.stream == name
+
+
+def test_no_entry_is_right_for_a_frame_without_a_time() -> None:
+    """A timestamp that is NaN is a finding of its own."""
+    times_ns = CLEAN.clocks["rgb"].times_ns.copy()
+    times_ns[5] = INVALID_TIMESTAMP_NS
+    stored, expected = LEFT.copy(), LEFT.copy()
+    stored[5], expected[5] = 0, 1234
+    clocks = {**CLEAN.clocks, "rgb": clock_of(times_ns, None)}
+    index_map = replace(CLEAN.index_maps["rgb_to_event"], stored=stored, expected_left=expected)
+    facts = replace(CLEAN, clocks=clocks, index_maps={**CLEAN.index_maps, "rgb_to_event": index_map})
+    result = judged("rgb_to_event", facts).result
+    assert result.outcome == "passed"
+    assert result.coverage is not None
+    assert result.coverage.seen == len(LEFT) - 1
 
 
 @pytest.mark.parametrize("name", CHECKS)
