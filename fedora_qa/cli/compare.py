@@ -100,7 +100,7 @@ class Source:
 
     path: Path
     paths: tuple[Path, ...]
-    records: bool
+    holds_records: bool
 
 
 def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[Source, ...]:
@@ -138,7 +138,7 @@ def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[S
             raise MisuseError(f"Expected sequences (.h5) or records with their arrays in {path}, got neither")
         sources.append(Source(path, sequences or records, not sequences))
     for source in sources:
-        if not source.records:
+        if not source.holds_records:
             require_hdf5([path for path in source.paths if not path.is_dir()])
         elif not source.paths[0].is_file():
             raise MisuseError(f"Expected a record at {source.path}, got no such file")
@@ -148,12 +148,12 @@ def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[S
 def read_sources(sources: Sequence[Source], reading: Reading) -> tuple[SubjectInput, ...]:
     """Read the records, and measure the other files; raises as ``measured_file``."""
     names = labels([str(source.path) for source in sources])
-    count = sum(len(source.paths) for source in sources if not source.records)
+    count = sum(len(source.paths) for source in sources if not source.holds_records)
     subjects, done = [], 0
     for name, source in zip(names, sources, strict=True):
         files = []
         for path in source.paths:
-            if source.records:
+            if source.holds_records:
                 record = read_record(path)
                 arrays = read_arrays(arrays_beside(path)) if arrays_beside(path).is_file() else {}
                 # Names of arrays start with the number of the file, from 0, if a record holds several (`record_of`).

@@ -58,10 +58,10 @@ def assemble(
         states = merge_all(file.accumulators, parts, facts)
     # Beside the seconds of merging, those that the windows took in all processes.
     watch.seconds[MEASURING] += states.measuring_s
-    never = [ready.spans[number] for number in lost]
-    measured_spans = [span for span in file.chosen if span not in never]
+    lost_spans = [ready.spans[number] for number in lost]
+    measured_spans = [span for span in file.chosen if span not in lost_spans]
     with watch.stage("second look"):
-        again = follow_up(asked, states, measured_spans, facts, ready.decoder, survey.plan.sampling, progress)
+        follow_up_count = follow_up(asked, states, measured_spans, facts, ready.decoder, survey.plan.sampling, progress)
     with watch.stage("judgement"):
         observations = conclude(asked, states, facts)
         materiality = materiality_of(options.profile, facts)
@@ -93,19 +93,21 @@ def assemble(
         collector = file.statistics
         tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
     with watch.stage("evidence"):
-        kept = _evidence_of_checks(observations)
-        wanted = options.evidence
-        if file.keeper is not None and file.distributions is not None and wanted is not None:
+        evidence = _evidence_of_checks(observations)
+        evidence_options = options.evidence
+        if file.evidence is not None and file.distributions is not None and evidence_options is not None:
             findings = [alarm.finding for alarm in alarms]
-            of_pass = _evidence_of_pass(file.keeper, states, findings, ready, file.chosen, wanted, again)
-            groups = [of_pass, kept, distributions_of(file.distributions, states, facts)]
+            of_pass = _evidence_of_pass(
+                file.evidence, states, findings, ready, file.chosen, evidence_options, follow_up_count
+            )
+            groups = [of_pass, evidence, distributions_of(file.distributions, states, facts)]
             if alarms:
                 from fedora_qa.engine.trials.evidence import keep_trials  # noqa: PLC0415 - loads every fault
 
-                of_trials = partial(keep_trials, diagnoses, causes.trials, causes.benches, wanted)
-                groups.append(attempt(states, file.keeper.name, of_trials) or TitledArrays())
+                of_trials = partial(keep_trials, diagnoses, causes.trials, causes.benches, evidence_options)
+                groups.append(attempt(states, file.evidence.name, of_trials) or TitledArrays())
                 groups.append(_keep_agreement(asked, {each.result.check: each.result.outcome for each in judged}))
-            kept = merged(groups)
+            evidence = merged(groups)
     results = results_in_order(survey.checks, judged, states, survey.reasons)
     canaries: tuple[Canary, ...] = ()
     if options.canary:
@@ -116,7 +118,7 @@ def assemble(
             results = held_to_canaries(results, proofs)
             canaries = tuple(proof.canary for proof in proofs)
     # Last, as this result belongs to no check, and no canary is planted for it.
-    results += lost_windows(never, len(file.windows), facts)
+    results += lost_windows(lost_spans, len(file.windows), facts)
     inferred = dict(facts.layout.inferred) | inferred_steps(facts)
     for observation in observations.values():
         inferred.update(observation.inferred)
@@ -135,7 +137,7 @@ def assemble(
         verdict=verdict_of(results, crossing),
         results=results,
         diagnoses=diagnoses,
-        evidence=kept.titles,
+        evidence=evidence.titles,
         canaries=canaries,
         comparisons=comparisons_of(results, crossing),
     )
@@ -143,7 +145,7 @@ def assemble(
     decoded_bytes = states.decoded_bytes + ready.decoder.decoded_bytes - decoded_before
     traffic = survey.traffic + states.traffic + file.sequence.traffic
     faults = {identifier: trial.fault for identifier, trial in causes.trials.items()}
-    return FileRun(record, kept.arrays, seconds, decoded_bytes, traffic, faults=faults)
+    return FileRun(record, evidence.arrays, seconds, decoded_bytes, traffic, faults=faults)
 
 
 def _keep_agreement(checks: Iterable[Check[Any]], outcomes: Mapping[str, Outcome]) -> TitledArrays:
@@ -193,7 +195,7 @@ def _evidence_of_pass(
     ready: Prepared,
     chosen: Sequence[Span],
     options: EvidenceOptions,
-    looked_again: int,
+    follow_up_count: int,
 ) -> TitledArrays:
     """Return evidence of the pass, the trajectory, and the worst places. A crash is noted, and costs all that follows.
 
@@ -201,13 +203,13 @@ def _evidence_of_pass(
     ----------
     chosen
         The windows that were measured.
-    looked_again
+    follow_up_count
         How many of them were measured again for checks: the worst places share one budget with these follow-ups.
     """
     facts, source = ready.facts, ready.decoder
     # Images that may still be read again: the share of follow-ups less those done, and at least those of one window.
     mean = images_of(chosen) / max(len(chosen), 1)
-    images = round(mean * max(1.0, FOLLOW_UP_SHARE * len(chosen) - looked_again))
+    images = round(mean * max(1.0, FOLLOW_UP_SHARE * len(chosen) - follow_up_count))
     parts = (
         attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts)),
         attempt(

@@ -92,11 +92,11 @@ def make_plan(effort: Effort, windows: int, window_ns: int = WINDOW_NS, pixels: 
     share = EFFORTS[effort].window_share
     wanted = min(windows, max(FEWEST_WINDOWS, round(share * windows)))
     # Groups as long as one usual window of 0.2 s, rounded up.
-    stretches = min(wanted, max(FEWEST_WINDOWS, -(-wanted * window_ns // WINDOW_NS)))
+    groups = min(wanted, max(FEWEST_WINDOWS, -(-wanted * window_ns // WINDOW_NS)))
     number = np.arange(wanted)
     # Windows left out lie in equal gaps between the groups only, so that the first and the last are chosen.
-    gaps_before = number * stretches // max(wanted, 1)
-    left_out = gaps_before * (windows - wanted) / max(stretches - 1, 1)
+    gaps_before = number * groups // max(wanted, 1)
+    left_out = gaps_before * (windows - wanted) / max(groups - 1, 1)
     chosen = number + left_out.round().astype(int)
     return Plan(tuple(chosen.tolist()), windows, sampling_of(effort, pixels))
 

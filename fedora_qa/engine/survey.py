@@ -136,7 +136,7 @@ class Survey:
         return tuple(range(self.plan.of)) if some_get_all else self.plan.chosen
 
 
-def survey_file(
+def survey_of(
     path: Place,
     checks: tuple[Check[Any], ...],
     options: CheckOptions,
@@ -200,13 +200,13 @@ class OpenSurvey:
     planned: frozenset[int]
     asked: tuple[Check[Any], ...]
     statistics: StatisticsCollector
-    keeper: EvidenceCollector | None
+    evidence: EvidenceCollector | None
     distributions: DistributionsCollector | None
 
     @property
     def accumulators(self) -> tuple[Accumulator, ...]:
         """The checks, and the collectors beside them."""
-        beside = (self.statistics, self.keeper, self.distributions)
+        beside = (self.statistics, self.evidence, self.distributions)
         return (*self.asked, *(collector for collector in beside if collector is not None))
 
     @property
@@ -233,12 +233,12 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
     with open_sequence(survey.path, options.dialect, survey.opening_facts, options.allow_external) as sequence:
         require_same(survey, sequence.version)
         rows = survey.view(sequence) if survey.view else sequence
-        yield receivers(survey, sequence, ready_to_measure(rows, survey.scanned, options.memory_bytes))
+        yield open_survey_of(survey, sequence, ready_to_measure(rows, survey.scanned, options.memory_bytes))
         # Once more at the end: rows of two versions of a file must not give one record.
         sequence.require_unchanged()
 
 
-def receivers(survey: Survey, sequence: FileSequence, ready: Prepared) -> OpenSurvey:
+def open_survey_of(survey: Survey, sequence: FileSequence, ready: Prepared) -> OpenSurvey:
     """Return an open file with the checks and collectors that get its windows by the plan of a survey."""
     options, asked = survey.options, survey.asked
     chosen = tuple(ready.spans[number] for number in survey.plan.chosen)
@@ -252,7 +252,7 @@ def receivers(survey: Survey, sequence: FileSequence, ready: Prepared) -> OpenSu
         planned=frozenset(survey.plan.chosen),
         asked=asked,
         statistics=StatisticsCollector(needed),
-        keeper=EvidenceCollector(ready.spans, chosen, options.evidence, needed) if options.evidence else None,
+        evidence=EvidenceCollector(ready.spans, chosen, options.evidence, needed) if options.evidence else None,
         distributions=DistributionsCollector(ready.spans, needed) if options.evidence else None,
     )
 

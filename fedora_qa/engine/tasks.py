@@ -15,8 +15,7 @@ from fedora_qa.engine.file_work import PackedSurvey
 from fedora_qa.engine.measure import Accumulator, PassState, attempt, measure
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress, quiet
-from fedora_qa.engine.survey import OpenSurvey, Survey, opened, prepare
-from fedora_qa.engine.survey import survey_file as survey_of
+from fedora_qa.engine.survey import OpenSurvey, Survey, opened, prepare, survey_of
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.layout.dialect import DialectChoice
@@ -43,7 +42,9 @@ def check_file(path: Place, options: CheckOptions, progress: Progress = quiet) -
         only ``check_files`` supports.
     """
     if options.budget_s is not None:
-        raise MisuseError("Expected check_files for a budget of time, got check_file, which takes what it takes")
+        raise MisuseError(
+            f"Expected no budget of time in check_file, got {options.budget_s:g} s; use check_files, which keeps to it"
+        )
     return check_whole(path, None, options, Worker(OpenFile(keeps=False), progress))
 
 

@@ -243,9 +243,9 @@ def _shorten(file: h5py.File, path: str, rows: int) -> None:
     shorter = h5py.Dataset(
         h5py.h5d.create(parent.id, None, dataset.id.get_type(), space, dataset.id.get_create_plist())
     )
-    binding_rows = max(_BLOCK_BYTES // max(dataset.dtype.itemsize * prod(dataset.shape[1:]), 1), 1)
-    for start in range(0, rows, binding_rows):
-        stop = min(start + binding_rows, rows)
+    block_rows = max(_BLOCK_BYTES // max(dataset.dtype.itemsize * prod(dataset.shape[1:]), 1), 1)
+    for start in range(0, rows, block_rows):
+        stop = min(start + block_rows, rows)
         shorter[start:stop] = dataset[start:stop]
     for attribute in dataset.attrs:
         old = dataset.attrs.get_id(attribute)

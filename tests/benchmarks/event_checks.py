@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.engine import decode
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.survey import Survey, opened, survey_file
+from fedora_qa.engine.survey import Survey, opened, survey_of
 from tests.support.all_checks import CHECKS
 
 SUBJECTS: Final = ("event_stream", "event_response")
@@ -112,7 +112,7 @@ def decoding_counted() -> Iterator[list[float]]:
 def cost_of(path: Path) -> Cost:
     """Measure a file some times, and return the fastest: what is compiled and loaded once is no cost of an event."""
     checks = tuple(check for check in CHECKS if check.name.split(".")[0] in SUBJECTS)
-    survey = survey_file(path, checks, CheckOptions(select=SUBJECTS), lambda *_: None)
+    survey = survey_of(path, checks, CheckOptions(select=SUBJECTS), lambda *_: None)
     if isinstance(survey, FileRun):
         raise TypeError(f"Expected a file that HDF5 opens, got {path}")
     with decoding_counted() as spent:

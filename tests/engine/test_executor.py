@@ -7,7 +7,7 @@ import pytest
 from fedora_qa.engine.executors.executor import OpenFile
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
-from fedora_qa.engine.survey import OpenSurvey, Survey, survey_file
+from fedora_qa.engine.survey import OpenSurvey, Survey, survey_of
 from fedora_qa.errors import FedoraError
 from tests.support.handmade import write_handmade
 from tests.support.killers import Counts
@@ -19,7 +19,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def surveyed(path: Path) -> Survey:
-    survey = survey_file(path, (Counts(),), CheckOptions(evidence=None), quiet)
+    survey = survey_of(path, (Counts(),), CheckOptions(evidence=None), quiet)
     assert isinstance(survey, Survey)
     return survey
 

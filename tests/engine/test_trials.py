@@ -22,7 +22,7 @@ from fedora_qa.engine.files import check_files
 from fedora_qa.engine.measure import conclude
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet
-from fedora_qa.engine.survey import Survey, opened, survey_file
+from fedora_qa.engine.survey import Survey, opened, survey_of
 from fedora_qa.engine.tasks import check_file, measure_open
 from fedora_qa.engine.trials.altered import PlainRun
 from fedora_qa.engine.trials.trial import TrialBench, run_trials
@@ -170,7 +170,7 @@ def test_work_is_bounded_by_the_run_itself(small_park_day: Path, tmp_path: Path)
     shutil.copyfile(small_park_day, target)
     with h5py.File(target, "r+") as file:
         delay_events(file)
-    survey = survey_file(target, CHECKS, OPTIONS, quiet)
+    survey = survey_of(target, CHECKS, OPTIONS, quiet)
     assert isinstance(survey, Survey)
     with opened(survey) as file:
         states = measure_open(survey, file, survey.windows, quiet)

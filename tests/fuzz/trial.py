@@ -14,7 +14,7 @@ import numpy as np
 from fedora_qa.catalogue import select_checks
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet
-from fedora_qa.engine.survey import survey_file
+from fedora_qa.engine.survey import survey_of
 from fedora_qa.engine.tasks import check_file, measure_and_assemble
 from fedora_qa.errors import FedoraError, MisuseError
 from fedora_qa.layout.canonical import DATASETS
@@ -78,7 +78,7 @@ def _checked(path: Path, seed: int, kind: str, true: Digests) -> tuple[str, str]
     others = Random(seed).sample([check.name for check in CHECKS], AT_A_TIME)
     options = CheckOptions(select=(*ALWAYS, *others), evidence=None)
     try:
-        survey = survey_file(path, select_checks(options.select, options.ignore), options, quiet)
+        survey = survey_of(path, select_checks(options.select, options.ignore), options, quiet)
         if isinstance(survey, FileRun):
             return _judged(survey, lambda: [])
         run = measure_and_assemble(survey, quiet)

@@ -60,12 +60,12 @@ class OpenFile:
     def opened(self, survey: "Survey") -> "Iterator[OpenSurvey]":
         """Open a surveyed file, or go on with it; raises ``FedoraError`` where it has been changed since."""
         # The process of the command imports this module as well, and measures nothing.
-        from fedora_qa.engine.survey import opened, receivers, require_same  # noqa: PLC0415 - loads what measures
+        from fedora_qa.engine.survey import open_survey_of, opened, require_same  # noqa: PLC0415 - loads what measures
 
         if self._file is not None and self._token == survey.token:
             require_same(survey, version_of(survey.path))
             # The same survey may come with another plan.
-            file = receivers(survey, self._file.sequence, self._file.ready)
+            file = open_survey_of(survey, self._file.sequence, self._file.ready)
         else:
             self.close()
             file = self._file = self._opened.enter_context(opened(survey))

@@ -29,7 +29,7 @@ from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.engine.budget import visiting_order
 from fedora_qa.engine.options import CheckOptions, Effort, FileRun
 from fedora_qa.engine.progress import quiet
-from fedora_qa.engine.survey import prepare, survey_file
+from fedora_qa.engine.survey import prepare, survey_of
 from fedora_qa.engine.tasks import check_file, measure_and_assemble
 from fedora_qa.sequence.sequence import open_sequence
 from tests.benchmarks.full_size.measured_run import fedora_qa, run_measured
@@ -136,7 +136,7 @@ def _seek(traded: Traded, base: Path, size: float, reached: Sequence[Reach]) -> 
 def _fails(path: Path, effort: Effort, check: str, windows: int | None = None) -> bool:
     """Whether a check fails at an effort, or at its density over the first windows that a budget visits."""
     options = CheckOptions(evidence=None, effort=effort, select=(check,))
-    survey = survey_file(path, select_checks(options.select, ()), options, quiet)
+    survey = survey_of(path, select_checks(options.select, ()), options, quiet)
     if isinstance(survey, FileRun):
         return True
     if windows is not None:
@@ -180,7 +180,7 @@ def _measured_cost(base: Path, effort: Effort) -> dict[str, Any]:
     began = time.process_time()
     run = check_file(base, CheckOptions(evidence=None, effort=effort))
     spent = time.process_time() - began
-    survey = survey_file(base, select_checks((), ()), CheckOptions(effort=effort), quiet)
+    survey = survey_of(base, select_checks((), ()), CheckOptions(effort=effort), quiet)
     if isinstance(survey, FileRun):
         raise RuntimeError(f"Expected {base} to open, got {survey.record.verdict}")
     return {
