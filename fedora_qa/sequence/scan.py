@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import FRAMES_OF_MAP, MS_TO_EVENT, is_timed, timestamps_of
 from fedora_qa.sequence.facts import (
@@ -29,7 +30,7 @@ from fedora_qa.sequence.sequence import SequenceRows
 
 Int64 = NDArray[np.int64]
 
-BLOCK_ROWS = 1 << 20
+BLOCK_ROWS: Final = 1 << 20
 """Number of event timestamps in a block."""
 
 MOST_CELLS: Final = 1 << 14
@@ -90,23 +91,53 @@ class Scan:
 
 @dataclass
 class _EventTally:
-    """Counts over the scanned blocks of event timestamps."""
+    """Counts over the scanned blocks of event timestamps.
+
+    Attributes
+    ----------
+    cell_ns
+        Length of a cell of the grid.
+    frame_timestamps
+        By index map: the instants (frames,), ns, whose events are counted.
+    latest_ns, earliest_ns, previous_ns
+        The largest, smallest and last timestamp so far; the largest and the last are None before the first block.
+    count
+        Number of events.
+    decreases, first_decrease, largest_decrease_ns
+        Number of steps backwards, the row of the first, and the length of the longest.
+    behind
+        Number of events before the envelope.
+    grid_ns
+        Greatest common divisor of all steps.
+    cells, starts
+        Runs of rows, block by block.
+    block_first_ns
+        Envelope at the first event of each block.
+    left, right
+        By index map: numbers (frames,) of the events that are earlier, and not later, than each instant.
+    unreadable
+        Rows of the blocks that cannot be decoded.
+    unplaced, first_unplaced
+        Number of events without a place in time, and the row of the first.
+    around
+        By index map: the events next to each frame.
+    """
 
     cell_ns: int
     frame_timestamps: Mapping[str, Int64]
-    latest: int | None = None
-    earliest: int = 0
+    latest_ns: int | None = None
+    earliest_ns: int = 0
     count: int = 0
     decreases: int = 0
     first_decrease: int = -1
-    largest_decrease: int = 0
+    largest_decrease_ns: int = 0
     behind: int = 0
     longest_steps: tuple[EventStep, ...] = ()
-    grid: int = 0
-    previous: int | None = None
+    grid_ns: int = 0
+    previous_ns: int | None = None
     cells: list[Int64] = field(default_factory=list)
     starts: list[Int64] = field(default_factory=list)
-    block_first: list[int] = field(default_factory=list)
+    block_first_ns: list[int] = field(default_factory=list)
     left: dict[str, Int64] = field(default_factory=dict)
     right: dict[str, Int64] = field(default_factory=dict)
     unreadable: list[tuple[int, int]] = field(default_factory=list)
@@ -123,23 +154,23 @@ class _EventTally:
             # An event without a place in time counts as simultaneous with the one before it.
             before = np.maximum.accumulate(np.where(placed, np.arange(len(placed)), -1))
             first_ns = int(times_ns[int(np.argmax(placed))]) if np.any(placed) else 0
-            previous_ns = first_ns if self.previous is None else self.previous
+            previous_ns = first_ns if self.previous_ns is None else self.previous_ns
             times_ns = np.where(before < 0, previous_ns, times_ns[before])
         # The step between two blocks counts too. The first event of a file gets a step of 0, which alters no count.
-        previous = int(times_ns[0]) if self.previous is None else self.previous
-        steps = np.diff(times_ns, prepend=previous)
+        previous_ns = int(times_ns[0]) if self.previous_ns is None else self.previous_ns
+        steps = np.diff(times_ns, prepend=previous_ns)
         backwards = np.flatnonzero(steps < 0)
         if len(backwards) and self.first_decrease < 0:
             self.first_decrease = start + int(backwards[0])
         self.decreases += len(backwards)
-        self.largest_decrease = max(self.largest_decrease, -int(steps.min()))
-        self.longest_steps = longest_steps(self.longest_steps, start, previous, times_ns)
+        self.largest_decrease_ns = max(self.largest_decrease_ns, -int(steps.min()))
+        self.longest_steps = longest_steps(self.longest_steps, start, previous_ns, times_ns)
         # gcd(g, 0) = g, so that repeated timestamps do not alter the grid.
-        self.grid = int(np.gcd(self.grid, np.gcd.reduce(np.abs(steps))))
+        self.grid_ns = int(np.gcd(self.grid_ns, np.gcd.reduce(np.abs(steps))))
         low, high = int(times_ns.min()), int(times_ns.max())
-        self.earliest = low if self.latest is None else min(self.earliest, low)
-        floor = low if self.latest is None else self.latest
-        self.block_first.append(max(floor, int(times_ns[0])))
+        self.earliest_ns = low if self.latest_ns is None else min(self.earliest_ns, low)
+        floor = low if self.latest_ns is None else self.latest_ns
+        self.block_first_ns.append(max(floor, int(times_ns[0])))
         # Running maximum from the first block on: the envelope of the module docstring.
         envelope = np.maximum(np.maximum.accumulate(times_ns), floor)
         self.behind += int(np.count_nonzero(times_ns < envelope))
@@ -171,14 +202,14 @@ class _EventTally:
         for nearest in self.around.values():
             ordered = np.sort(times_ns) if ordered is None else ordered
             nearest.add(ordered)
-        self.latest = max(floor, high)
-        self.previous = int(times_ns[-1])
+        self.latest_ns = max(floor, high)
+        self.previous_ns = int(times_ns[-1])
         self.count += len(times_ns)
 
     def skip(self, start: int, stop: int) -> None:
         """Add a block that cannot be decoded; its events have no place in time."""
         self.unreadable.append((start, stop))
-        self.block_first.append(self.latest or 0)
+        self.block_first_ns.append(self.latest_ns or 0)
 
 
 class _NearestEvents:
@@ -278,13 +309,13 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
                 tally.skip(start, stop)
         events = EventScan(
             count=tally.count,
-            first_ns=tally.earliest,
-            last_ns=tally.latest or 0,
+            first_ns=tally.earliest_ns,
+            last_ns=tally.latest_ns or 0,
             decreases=tally.decreases,
             first_decrease=tally.first_decrease,
-            grid_ns=tally.grid,
+            grid_ns=tally.grid_ns,
             unreadable=tuple(tally.unreadable),
-            largest_decrease_ns=tally.largest_decrease,
+            largest_decrease_ns=tally.largest_decrease_ns,
             behind=tally.behind,
             longest_steps=tally.longest_steps,
             unplaced=tally.unplaced,
@@ -315,7 +346,7 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         streams=frozenset(streams),
         absent=absent,
         # An int where it is whole, which is exact.
-        origin_us=origin_ns // 1000 if origin_ns % 1000 == 0 else origin_ns / 1000,
+        origin_us=origin_ns // NS_PER_US if origin_ns % NS_PER_US == 0 else origin_ns / NS_PER_US,
         clocks=clocks,
         events=events,
         index_maps=index_maps,
@@ -323,7 +354,7 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         millisecond_map=millisecond_map,
     )
     runs, cell_ns = _runs(facts, tally, cell_ns)
-    return Scan(facts, runs, cell_ns, np.asarray(tally.block_first, dtype=np.int64))
+    return Scan(facts, runs, cell_ns, np.asarray(tally.block_first_ns, dtype=np.int64))
 
 
 def definition_of_map(sequence: SequenceRows, name: str) -> str:

@@ -249,7 +249,7 @@ class Sequence:
         binding = self.layout.bindings[key]
         if binding.chunk_rows:
             return binding.chunk_rows
-        # No readable type has more than 8 bytes (``require_readable_type``).
+        # No readable type has more than 8 bytes (``dataset_binder._require_readable_type``).
         row_bytes = 8 * prod(binding.shape[1:])
         return max(1, (1 << 20) // max(row_bytes, 1))
 

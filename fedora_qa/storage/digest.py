@@ -16,10 +16,10 @@ from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.remote_bytes import RemoteBytes
 from fedora_qa.storage.server import NO_TRAFFIC, Traffic
 
-_WHOLE_UP_TO: Final = 1 << 30
-_PIECE: Final = 1 << 20
+_WHOLE_UP_TO_BYTES: Final = 1 << 30
+_PIECE_BYTES: Final = 1 << 20
 _PIECES: Final = 64
-_PIECE_IN_FOLDER: Final = 1 << 14
+_FOLDER_PIECE_BYTES: Final = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,27 +56,27 @@ def file_digest(path: Place) -> Digest:
     if isinstance(path, RemoteFile):
         # Blocks of one byte: no more is fetched than the pieces themselves.
         with closing(RemoteBytes(path, block_bytes=1)) as remote:
-            size = remote.version.size
-            piece_bytes = _PIECE if size > _WHOLE_UP_TO else -(-size // (256 * _PIECES))
-            sha256 = _of_pieces(remote, size, piece_bytes)
+            size_bytes = remote.version.size
+            piece_bytes = _PIECE_BYTES if size_bytes > _WHOLE_UP_TO_BYTES else -(-size_bytes // (256 * _PIECES))
+            sha256 = _of_pieces(remote, size_bytes, piece_bytes)
             return Digest(sha256, "partial", remote.version, remote.traffic)
     version = local_version(path)
     if path.is_dir():
-        if version.size <= _WHOLE_UP_TO:
+        if version.size <= _WHOLE_UP_TO_BYTES:
             return Digest(whole_digest(path), "full", version)
         listed = ((file.name, _in_large_folder(path / file.name, file.size)) for file in list_files(path))
         return Digest(_of_list(listed), "partial", version)
-    if version.size <= _WHOLE_UP_TO:
+    if version.size <= _WHOLE_UP_TO_BYTES:
         return Digest(whole_digest(path), "full", version)
     with path.open("rb") as file:
-        return Digest(_of_pieces(file, version.size, _PIECE), "partial", version)
+        return Digest(_of_pieces(file, version.size, _PIECE_BYTES), "partial", version)
 
 
-def _in_large_folder(path: Path, size: int) -> str:
-    if size <= _PIECES * _PIECE_IN_FOLDER:
+def _in_large_folder(path: Path, size_bytes: int) -> str:
+    if size_bytes <= _PIECES * _FOLDER_PIECE_BYTES:
         return whole_digest(path)
     with path.open("rb") as file:
-        return _of_pieces(file, size, _PIECE_IN_FOLDER)
+        return _of_pieces(file, size_bytes, _FOLDER_PIECE_BYTES)
 
 
 def _of_list(digests: Iterable[tuple[str, str]]) -> str:
@@ -86,11 +86,11 @@ def _of_list(digests: Iterable[tuple[str, str]]) -> str:
     return listed.hexdigest()
 
 
-def _of_pieces(file: BinaryIO | RemoteBytes, size: int, piece: int) -> str:
+def _of_pieces(file: BinaryIO | RemoteBytes, size_bytes: int, piece_bytes: int) -> str:
     # The size first: files of different lengths may agree in all pieces.
-    digest = hashlib.sha256(str(size).encode())
+    digest = hashlib.sha256(str(size_bytes).encode())
     for number in range(_PIECES):
         # The first piece begins with the file, the last one ends with it.
-        file.seek((size - piece) * number // (_PIECES - 1))
-        digest.update(file.read(piece) or b"")
+        file.seek((size_bytes - piece_bytes) * number // (_PIECES - 1))
+        digest.update(file.read(piece_bytes) or b"")
     return digest.hexdigest()

@@ -171,8 +171,8 @@ def test_a_copy_in_its_place_is_the_same_file(watch: Watch, resumed: Resumed) ->
 
 def test_a_partial_digest_is_not_enough(watch: Watch, resumed: Resumed, monkeypatch: pytest.MonkeyPatch) -> None:
     """A file that is too long to be read for its digest is checked again when its time says that it was written to."""
-    monkeypatch.setattr("fedora_qa.storage.digest._WHOLE_UP_TO", 0)
-    monkeypatch.setattr("fedora_qa.storage.digest._PIECE", 16)
+    monkeypatch.setattr("fedora_qa.storage.digest._WHOLE_UP_TO_BYTES", 0)
+    monkeypatch.setattr("fedora_qa.storage.digest._PIECE_BYTES", 16)
     resumed()
     resumed()
     assert watch.checked == ["seq.h5", "other.h5"]

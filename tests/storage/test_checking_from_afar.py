@@ -159,8 +159,8 @@ def test_a_change_meanwhile(
 
 def test_the_digest_is_the_same_wherever_a_long_file_lies(server: FileServer, monkeypatch: pytest.MonkeyPatch) -> None:
     """From the length on at which only pieces are read, a copy on a disk has the digest of the one behind a URL."""
-    monkeypatch.setattr("fedora_qa.storage.digest._WHOLE_UP_TO", 16 * 64 * 16)
-    monkeypatch.setattr("fedora_qa.storage.digest._PIECE", 16)
+    monkeypatch.setattr("fedora_qa.storage.digest._WHOLE_UP_TO_BYTES", 16 * 64 * 16)
+    monkeypatch.setattr("fedora_qa.storage.digest._PIECE_BYTES", 16)
     here, there = file_digest(server.folder / "seq.h5"), file_digest(place_of(server.url("seq.h5")))
     assert (here.sha256, here.kind) == (there.sha256, there.kind)
     assert there.traffic.transferred_bytes == 64 * 16

@@ -61,8 +61,8 @@ def test_digest_is_that_of_a_list_of_sums(sequence: Path) -> None:
 
 def test_a_large_folder_gets_a_partial_digest(sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Small files count whole, a large one by pieces: every small change shows, and so does another size."""
-    monkeypatch.setattr(digest, "_WHOLE_UP_TO", 10)
-    monkeypatch.setattr(digest, "_PIECE_IN_FOLDER", 16)
+    monkeypatch.setattr(digest, "_WHOLE_UP_TO_BYTES", 10)
+    monkeypatch.setattr(digest, "_FOLDER_PIECE_BYTES", 16)
     large = sequence / "large.h5"
     large.write_bytes(bytes(100_000))
     first = file_digest(sequence)
