@@ -171,6 +171,7 @@ def gate_release(
     settings = replace(policy.check, jobs=None) if dask else policy.check
     settings = settings if in_process or dask else with_jobs(settings, paths)
     options = replace(check_options(settings), evidence=EvidenceOptions() if evidence else None)
+    # Only to refuse what is not HDF5 before hours of measuring.
     sequences_of(paths, options.dialect)
     now = datetime.now(UTC)
     started = now.isoformat(timespec="seconds")

@@ -89,7 +89,7 @@ PIECE: Final = 1 << 16
 
 
 def whole_us(duration_s: float) -> int:
-    """Duration in whole microseconds."""
+    """Return a duration in whole microseconds."""
     if not (math.isfinite(duration_s) and 0 < duration_s <= LONGEST_S):
         raise SceneError(f"Expected a duration above 0 and up to {LONGEST_S:g} s, got {duration_s:g} s")
     if (duration_us := round(duration_s * US_PER_S)) == 0:
@@ -98,7 +98,7 @@ def whole_us(duration_s: float) -> int:
 
 
 def timestamps_us(duration_us: int, rate_hz: float) -> NDArray[np.int64]:
-    """Timestamps (n,) of a stream, from 0 to the last that fits; both ends are written: n = floor(rate T) + 1."""
+    """Return the timestamps (n,) of a stream, from 0 to the last that fits, both included: n = floor(rate T) + 1."""
     period_us = US_PER_S / exact_hz(rate_hz)
     count = int(duration_us / period_us) + 1
     # In whole numbers: the timestamps of a rate are among those of its multiples, to the microsecond.
@@ -111,6 +111,6 @@ def pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 
 
 def intervals_us(duration_us: int, rate_hz: float) -> NDArray[np.int64]:
-    """Start and end (k, 2) of the abutting intervals of a flow rate."""
+    """Return start and end (k, 2) of the abutting intervals of a flow rate."""
     timestamps = timestamps_us(duration_us, rate_hz)
     return np.stack([timestamps[:-1], timestamps[1:]], axis=-1)

@@ -85,7 +85,7 @@ class IndexMap:
         self._events += len(times_us)
 
     def finish(self) -> NDArray[np.int64]:
-        """Index (frames,) of the earliest event not before each timestamp; the number of events where none follows."""
+        """Return the index (frames,) of the earliest event not before each timestamp, or the number of events."""
         self._indices[self._resolved :] = self._events
         return self._indices
 
@@ -214,7 +214,7 @@ def _set(owner: h5py.Group, attributes: Mapping[str, Any]) -> None:
 
 
 def generator_version() -> str:
-    """Version of the installed package."""
+    """Return the version of the installed package."""
     try:
         return version("fedora-qa")
     except PackageNotFoundError:

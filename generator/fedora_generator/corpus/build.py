@@ -36,7 +36,7 @@ from fedora_generator.write import generator_version
 _STEPS_PREFIX: Final = ".between-"
 
 Report = Callable[[int, int, str], None]
-"""Called with the number of files that are done, of those planned, and the name of the file that is made."""
+"""Called with the number of files that are done, of those planned, and the name of a file."""
 
 
 def build_corpus(
@@ -66,7 +66,7 @@ def build_corpus(
     force
         Whether the folder may hold something else.
     report
-        Called before each file.
+        Called with each file, before it is made or, with several jobs, when it is complete.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def _require_disk_space(folder: Path, needed_bytes: int) -> None:
 
 
 def missing_bytes(plan: Sequence[PlannedFile], sizes: dict[str, int], earlier: dict[str, Item]) -> int:
-    """Bytes of the planned files that an earlier run has not made.
+    """Return the bytes of the planned files that an earlier run has not made.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ def is_complete(planned: PlannedFile, path: Path, item: Item | None) -> bool:
 
 
 def digest_of(path: Path) -> str:
-    """SHA-256 of a file."""
+    """Return the SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
