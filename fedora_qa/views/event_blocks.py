@@ -1,6 +1,7 @@
 """How frames and events have changed over blocks of pixels, shared by the checks of orientation and of frames."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from fedora_qa.estimators.events.orientation import (
     span_moments,
     step_moments,
 )
+from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
     GRID,
@@ -21,6 +23,11 @@ from fedora_qa.views.event_camera import (
     sensor_events,
     sensor_shape,
 )
+
+NOMINAL_RESPONSE: Final = EventModel("log", 0.5, 0.5)
+"""Response of a sensor that declares none, for correlations, which do not depend on the scale of the events. Thresholds
+of event cameras lie between 0.1 and 0.5 nat (G. Gallego et al., IEEE TPAMI 44 (2022), section 2.3); the largest leaves
+changes most uncertain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,26 +52,23 @@ class BlockMoments:
 def block_moments(window: Window) -> BlockMoments | None:
     """Return the moments of a window's frames and the next one; None where there are not two.
 
-    Returns
-    -------
-    BlockMoments or None
-        None where the window has fewer than two frames, or no event sensor is declared.
+    Events of a sensor without a declared response have that of ``NOMINAL_RESPONSE``.
     """
     return window.derived(_block_moments)
 
 
 def _block_moments(window: Window) -> BlockMoments | None:
-    resampled, declared = resampled_frames(window), window.facts.declared.events
-    if declared is None or len(resampled) < 2:
+    resampled, response = resampled_frames(window), window.facts.declared.events or NOMINAL_RESPONSE
+    if len(resampled) < 2:
         return None
     levels = np.stack([window.derived_image(_level_blocks, int(frame)) for frame in resampled.frames])
-    events = event_blocks(resampled.counts, declared.threshold_on, declared.threshold_off)
+    events = event_blocks(resampled.counts, response.threshold_on, response.threshold_off)
     stored = all_events(window)
     if len(stored) > len(sensor_events(window)):
         shape = sensor_shape(window.facts.declared)
         columns = stored.x, stored.y, stored.times_ns, stored.p
         # Exchanged axes put events outside of the declared sensor: without these, that symmetry would lack events.
-        add_events_beyond(events, *columns, resampled.times_ns, shape, declared.threshold_on, declared.threshold_off)
+        add_events_beyond(events, *columns, resampled.times_ns, shape, response.threshold_on, response.threshold_off)
     steps = step_moments(levels, events, GRID)
     # Between two frames there is but one step.
     span = ChangeMoments(steps[0].sum(axis=0)) if len(steps) == 1 else span_moments(levels, events)
@@ -73,7 +77,7 @@ def _block_moments(window: Window) -> BlockMoments | None:
 
 def _level_blocks(window: Window, frame: int) -> NDArray[np.float64]:
     """Return the means of the signal of one of the window's frames over blocks."""
-    resampled, declared = resampled_frames(window), window.facts.declared.events
-    dark_dn = None if declared is None or declared.model == "linear" else declared.log_eps_dn
+    resampled, response = resampled_frames(window), window.facts.declared.events or NOMINAL_RESPONSE
+    dark_dn = None if response.model == "linear" else response.log_eps_dn
     number = int(np.searchsorted(resampled.frames, frame))
     return level_blocks(resampled.uniform_dn[number], resampled.error_dn[number], dark_dn)

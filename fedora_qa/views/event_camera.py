@@ -436,7 +436,7 @@ Axes = Literal["equal", "near", "any"]
 """Which difference between the axes of colour and event camera a check allows."""
 
 
-def why_frames_and_events_do_not_meet(facts: Facts, *, axes: Axes = "equal") -> str:
+def why_frames_and_events_do_not_meet(facts: Facts, *, axes: Axes = "equal", needs_response: bool = True) -> str:
     """Return why frames cannot be resampled to the event camera's pixels; empty where they can.
 
     Parameters
@@ -449,6 +449,8 @@ def why_frames_and_events_do_not_meet(facts: Facts, *, axes: Axes = "equal") -> 
         those of cameras without a lens may differ by 10 deg. Frames are then interpolated, which moves no edge, but
         blurs them: for checks of positions. ``any``: neither axes nor centres need to agree, and frames are resampled
         as if they did (``look_apart``).
+    needs_response
+        Whether the response of the event sensor must be declared.
 
     Returns
     -------
@@ -458,7 +460,7 @@ def why_frames_and_events_do_not_meet(facts: Facts, *, axes: Axes = "equal") -> 
     cameras, events = facts.declared.cameras, facts.declared.events
     if "rgb" not in cameras or "events" not in cameras:
         return "the cameras rgb and events are not both declared in /metadata/cameras"
-    if events is None or not min(events.threshold_on, events.threshold_off) > 0:
+    if needs_response and (events is None or not min(events.threshold_on, events.threshold_off) > 0):
         return "the event sensor is not declared with positive thresholds in /metadata/events"
     rgb, event = cameras["rgb"], cameras["events"]
     if rgb.model != "pinhole" or event.model != "pinhole":

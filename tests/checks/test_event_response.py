@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -401,3 +402,23 @@ def test_fewer_intervals_of_large_sensors_place_events(
     assert result.coverage is not None
     assert result.coverage.seen == intervals
     assert measured(result, "shift_down").value == pytest.approx(3.0, abs=1.0)
+
+
+UNKNOWN_RESPONSES: dict[str, tuple[Change, set[str]]] = {
+    "as stored": (lambda file: file, set()),
+    "inverted": (events(lambda e: replace(e, p=1 - e.p)), {"polarity_inverted"}),
+    "mirrored": (events(lambda e: replace(e, x=(SHAPE[1] - 1 - e.x).astype(np.uint16))), {"mirrored"}),
+}
+
+
+@pytest.mark.parametrize("model", ["log", "linear"])
+@pytest.mark.parametrize(("change", "causes"), UNKNOWN_RESPONSES.values(), ids=UNKNOWN_RESPONSES)
+def test_orientation_needs_no_declared_response(path: Path, model: str, change: Change, causes: set[str]) -> None:
+    """Whatever it is, brighter events are where frames become brighter; how well they correlate is not judged."""
+    change(log_file() if model == "log" else linear_file()).write(path)
+    with h5py.File(path, "r+") as file:
+        del file["metadata/events"]
+    (result,) = (r for r in measured_record(path, "event_response").results if r.check.endswith(".orientation"))
+    assert [one.name for one in result.measurements] == ["advantage_of_another_orientation"]
+    assert result.outcome == ("failed" if causes else "passed")
+    assert {diagnosis.cause for diagnosis in diagnoses_of(path, "event_response")[:1]} == causes

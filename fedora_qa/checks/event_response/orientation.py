@@ -25,7 +25,7 @@ from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_axes import look_apart
-from fedora_qa.views.event_blocks import block_moments
+from fedora_qa.views.event_blocks import NOMINAL_RESPONSE, block_moments
 from fedora_qa.views.event_camera import (
     place_of_segment,
     place_of_tiles,
@@ -116,6 +116,8 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     The same comparison is made for each window, and for each tile over all windows, so that a segment or a region with
     another convention is detected and located, where at least a quarter agrees.
 
+    Without a declared response only the orientations are compared, over the file: the correlation to expect is unknown.
+
     Cameras whose declared axes differ by more than 10 deg, beside quarter turns about the optical axis, show different
     things. Their events and frames are compared as if they looked one way, and must not reach half of the expected
     correlation under any orientation: else the mounting of one camera is declared wrongly.
@@ -142,8 +144,8 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require both cameras at one place or declared to look apart, and declared thresholds."""
-        reason = why_frames_and_events_do_not_meet(facts)
+        """Require both cameras at one place; or declared to look apart, and declared thresholds."""
+        reason = why_frames_and_events_do_not_meet(facts, needs_response=False)
         if reason and not why_frames_and_events_do_not_meet(facts, axes="any") and look_apart(facts.declared):
             return ""
         return reason
@@ -160,12 +162,12 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     def conclude(self, state: Sequence[OrientationMoments], facts: Facts) -> Observation:
         """Compare the orientations over all windows."""
         coverage = Coverage(len(state), len(state), "windows")
-        declared = facts.declared.events
-        if not state or declared is None:
+        if not state:
             return Observation(coverage, unobservable="no two frames with events around them")
+        response = facts.declared.events or NOMINAL_RESPONSE
         # Between events, the change of a pixel has a variance of 2/3 C+ C-. The mean over a block has this variance
         # divided by the number of its pixels.
-        noise = 2 / 3 * declared.threshold_on * declared.threshold_off / BLOCK_PX**2
+        noise = 2 / 3 * response.threshold_on * response.threshold_off / BLOCK_PX**2
         by_change = [np.array([getattr(window, name).sums for window in state]) for name in ("steps", "span")]
         signals = [ChangeMoments(sums.sum(axis=0)).frame_variance() for sums in by_change]
         # Correlation of a signal with itself and independent noise.
@@ -182,7 +184,11 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
             )
         if look_apart(facts.declared):
             return Observation(coverage, (_as_if_parallel(by_change[best], predicted[best], facts.declared),))
-        statistics = [*_whole(by_change[best], predicted[best])]
+        correlation, advantage = _whole(by_change[best], predicted[best])
+        if facts.declared.events is None:
+            # Without thresholds it is not known which correlation to expect.
+            return Observation(coverage, (advantage,))
+        statistics = [correlation, advantage]
         # The segment of time and the region whose correlation increases most by another orientation.
         segment = most_reoriented([window.steps for window in state], noise)
         if segment is not None:
