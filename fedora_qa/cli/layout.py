@@ -25,7 +25,7 @@ from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder, matched_folder
 from fedora_qa.layout.resolve import resolve, unrecognised
 from fedora_qa.record.atomic import write_text
-from fedora_qa.record.wording import number
+from fedora_qa.record.wording import NOT_RECOGNISED, number
 from fedora_qa.storage.folder import list_files
 from fedora_qa.storage.signature import opening_limit_s
 
@@ -94,6 +94,9 @@ def run_layout(
         for line in lines:
             console.print(Padding(text(line, style), (0, 0, 0, 2), expand=False))
         console.print(Text())
+    if not (description.datasets or description.problems or draft_path):
+        remedy = f"draft one with fedora-qa layout {file} --draft-dialect OUT.toml"
+        console.print(text(f"{NOT_RECOGNISED}: no dialect describes anything in {file.name}; {remedy}"))
     if draft_path:
         write_text(draft_path, draft)
         guessed = len(tomllib.loads(draft).get("datasets", {}))

@@ -117,6 +117,24 @@ def test_layout(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
     assert tomllib.loads((tmp_path / "mine.toml").read_text(encoding="utf-8"))["name"] == "mine"
 
 
+def test_a_draft_keeps_its_corrections(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
+    """A second draft needs another name; a draft states how much was guessed."""
+    draft = tmp_path / "mine.toml"
+    assert "is written, with" in fedora_qa("layout", sequence, "--draft-dialect", draft).out
+    draft.write_text("corrected")
+    done = fedora_qa("layout", sequence, "--draft-dialect", draft)
+    assert done.code == 2
+    assert "it may hold corrections" in done.err
+    assert draft.read_text() == "corrected"
+
+
+def test_layout_says_that_no_dialect_fits(fedora_qa: Command, tmp_path: Path) -> None:
+    """As ``check`` does."""
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["weights"] = [1.0, 2.0]
+    assert "layout not recognised" in fedora_qa("layout", tmp_path / "other.h5").out
+
+
 def test_layout_in_a_narrow_terminal(fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every path stays whole in 60 columns."""
     monkeypatch.setenv("COLUMNS", "60")
