@@ -248,8 +248,12 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
     needs = ("flow", "events")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require the event camera at the place of the depth camera, on whose grid flow lies."""
-        return why_not_one_view(facts, "depth", "events")
+        """Require the event camera at the place of the depth camera, on whose grid flow lies, and positive K."""
+        reason = why_not_one_view(facts, "depth", "events")
+        cameras = facts.declared.cameras
+        if not reason and not all(np.all(np.diag(cameras[name].K) > 0) for name in ("depth", "events")):
+            return "a focal length of the cameras depth and events is not positive (see metadata.cameras)"
+        return reason
 
     def measure(self, window: Window) -> tuple[FieldSharpness, ...]:
         """Measure some fields of each rate."""

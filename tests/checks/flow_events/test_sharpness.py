@@ -107,3 +107,14 @@ def test_empty_flow_and_other_cameras_are_said(tmp_path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file["metadata/cameras/depth"].attrs["camera_model"] = "fisheye"
     assert run_check(path, CHECK).outcome == "not_applicable"
+
+
+def test_focal_lengths_of_the_opposite_sign_are_left_to_the_metadata(tmp_path: Path) -> None:
+    """The time over which events are compared would be the root of a negative number."""
+    path = write(tmp_path / "negative.h5")
+    with h5py.File(path, "r+") as file:
+        camera = file["metadata/cameras/events"]
+        camera.attrs["K"] = camera.attrs["K"] * [[-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0]]
+    result = run_check(path, CHECK)
+    assert result.outcome == "not_applicable"
+    assert "is not positive" in result.reason
