@@ -150,9 +150,9 @@ class UndoTrial:
         return net, -sum(ratios) / max(len(ratios), 1)
 
     def surpasses(self, other: "UndoTrial") -> bool:
-        """Whether undoing this fault causes nothing, and clears all that undoing the other clears and leaves.
+        """Whether undoing this fault clears all findings that undoing the other clears and leaves, and causes none.
 
-        The other one leaves or causes some: it resembles what is wrong, and this one is it.
+        The other fault approximates this one: undoing it leaves or causes findings.
         """
         cleared = self.cleared_alone or self.cleared
         is_exact = not (self.left or self.caused or self.crashed)

@@ -100,7 +100,9 @@ def of_declared_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         if fault.camera is None or fault.camera in names
     ]  # fmt: skip
     hypotheses += [
-        Hypothesis("intrinsics_focal", "metadata", support("metadata.view_of_other_side"), fault.magnitude, "percent")
+        Hypothesis(
+            "intrinsics_focal", "metadata", support("metadata.view_by_wrong_formula"), fault.magnitude, "percent"
+        )
         for fault in other_views(facts)
         if fault.camera in names
     ]

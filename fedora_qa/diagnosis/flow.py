@@ -122,8 +122,8 @@ _FAULT_OF_TEMPLATE: Final = MappingProxyType({
 """Cause, unit and largest size; beyond it the template, a derivative, does not apply."""
 
 _NEARLY_ALL: Final = 0.9
-"""Least share of the squared residuals that a template of one number explains for it to apply at any size. One number
-explains no such share of a deviation of another kind."""
+"""Least share of the squared residuals that a template of one number explains for it to apply at any size. The value is
+not derived: of flow that was made 54 and 71 ms late it explained 0.61 to 0.98, least at the longest intervals."""
 
 _DISPLACED_AGAINST_FRAMES: Final = tuple(
     (cause, stream)

@@ -117,8 +117,8 @@ unrelated motion is 0, and the limit, in which the residual counts, is as large 
 share of the time has that share of both."""
 
 _SAME_OFFSET: Final = 0.1
-"""Largest relative difference of an offset of flow from the one on which its rates agree. Motion that does not change
-evenly curves the template of time: three rates of a file with 54 ms state 52 to 55 ms."""
+"""Largest relative difference of an offset of flow from the one on which its rates agree. The value is not derived:
+motion that does not change evenly curves the template of time, and three rates of a file with 54 ms stated 52 to 55."""
 
 _CORRELATED_FROM: Final = 3.1
 """Standard errors of a positive correlation by which an unrelated stream exceeds 0 with a probability of 0.001."""

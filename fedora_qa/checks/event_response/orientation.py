@@ -144,7 +144,7 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require both cameras at one place; or declared to look apart, and declared thresholds."""
+        """Require both cameras at one place, or cameras that are declared to look apart and declared thresholds."""
         reason = why_frames_and_events_do_not_meet(facts, needs_response=False)
         if reason and not why_frames_and_events_do_not_meet(facts, axes="any") and look_apart(facts.declared):
             return ""

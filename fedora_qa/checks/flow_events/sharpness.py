@@ -248,7 +248,7 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
     needs = ("flow", "events")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require the event camera at the place of the depth camera, on whose grid flow lies, and positive K."""
+        """Require the event camera at the place of the depth camera, on whose grid flow lies."""
         reason = why_not_one_view(facts, "depth", "events")
         cameras = facts.declared.cameras
         if not reason and not all(np.all(np.diag(cameras[name].K) > 0) for name in ("depth", "events")):

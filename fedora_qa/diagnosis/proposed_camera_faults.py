@@ -1,0 +1,118 @@
+"""The faults of cameras that a trial undoes: focal lengths, principal points and mountings, with sizes from fits."""
+
+from collections.abc import Collection, Iterator, Sequence
+from itertools import islice
+from math import copysign, hypot, isclose
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.event_response.alignment import CameraErrorFits
+from fedora_qa.diagnosis.declared_cameras import (
+    film_focal_lengths,
+    odd_centres,
+    odd_mounting,
+    opposite_focal_lengths,
+    other_sizes,
+    other_views,
+    transposed,
+)
+from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
+from fedora_qa.diagnosis.measured_sizes import flow_vector
+from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ROTATION_MODELS, ShiftFieldFit, ShiftFieldModel
+from fedora_qa.faults import cameras
+from fedora_qa.views.flow_comparison import FlowParameterFit
+
+_SATURATES: Final = 1.5
+"""Least ratio of a fitted size to the length of a measured vector for the vector not to be a measurement of it: a shift
+of 1 px may be fitted as 1.5 px. The value is not derived."""
+
+
+def _suspected_cameras(fit: FittedCause) -> Sequence[str | None]:
+    """Return the declared cameras that may be wrong, most suspected first; None stands for all of them.
+
+    Depth, its flow and the poses agree where the depth camera is declared correctly, and colour and events agree where
+    the other two are: which of the two holds states which camera is odd.
+    """
+    if fit.stream != "metadata":
+        return (None,)
+    subjects = {alarm.finding.code.split(".")[0] for alarm in fit.alarms}
+    depth_agrees = not subjects & {"flow_geometry", "depth"}
+    others_agree = "event_response" not in subjects
+    if depth_agrees:
+        return tuple(camera for camera in fit.facts.declared.cameras if camera != "depth")
+    return ("depth", None) if others_agree else (None, *fit.facts.declared.cameras)
+
+
+def _camera_errors(fit: FittedCause, models: Collection[ShiftFieldModel]) -> Iterator[ShiftFieldFit]:
+    """Yield the errors of a camera that the shifts of events follow, those that explain most first."""
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    fits = {each: None for feature in features if isinstance(feature, CameraErrorFits) for each in feature.fits}
+    if fit.stream == "metadata":
+        yield from sorted((each for each in fits if each.model in models), key=lambda each: -each.beyond_shift)
+
+
+def focal_length(fit: FittedCause) -> Faults:
+    """Yield focal lengths: those of improbable declarations first, then those that edges or flow fit."""
+    if fit.stream == "metadata":
+        yield from opposite_focal_lengths(fit.facts)
+        yield from film_focal_lengths(fit.facts)
+        yield from other_sizes(fit.facts)
+        yield from other_views(fit.facts)
+    for best in islice(_camera_errors(fit, FOCAL_MODELS), 1):
+        # Events whose image is wider by k: f' = f / (1 + k) of the event camera, or f' = f (1 + k) of that of colour.
+        wider = [1 + gain for gain in best.focal_gains]
+        for name, along in (("events", [1 / gain for gain in wider]), ("rgb", wider)):
+            columns_percent, rows_percent = (100 * (factor - 1) for factor in along)
+            yield cameras.FocalLength("metadata", columns_percent, name, rows_percent)
+    for camera in _suspected_cameras(fit):
+        yield cameras.FocalLength(fit.stream, fit.size, camera)
+
+
+def principal_point(fit: FittedCause) -> Faults:
+    """Yield principal points: those of improbable declarations first, then the fitted displacement."""
+    if fit.stream == "metadata":
+        if (by_transposing := transposed(fit.facts)).from_centre_px:
+            yield by_transposing
+        yield from odd_centres(fit.facts)
+    u, v = fitted_vector(fit) or flow_vector("centre", ("u", "v"), fit.stream, fit.results)
+    along_axes = ((fit.size, 0.0), (0.0, fit.size))
+    for camera in _suspected_cameras(fit):
+        for columns_px, rows_px in ((u, v),) if _has_that_size((u, v), fit.size) else along_axes:
+            yield cameras.PrincipalPointShift(fit.stream, columns_px, rows_px, camera)
+
+
+def mounting(fit: FittedCause) -> Faults:
+    """Yield rotations of a camera: the one that is declared apart from the others first, then the fitted ones."""
+    if fit.stream == "metadata" and (odd := odd_mounting(fit.facts)) is not None:
+        yield odd
+    for best in _camera_errors(fit, ROTATION_MODELS):
+        # Events lie where the rotation moves the rays: R' = R Exp(w) of the event camera, or its inverse of colour.
+        x_deg, y_deg, z_deg = (float(angle) for angle in np.rad2deg(best.parameters))
+        yield cameras.MountingRotation("metadata", (x_deg, y_deg, z_deg), "events")
+        yield cameras.MountingRotation("metadata", (-x_deg, -y_deg, -z_deg), "rgb")
+    names = ("pitch", "yaw", "roll")
+    pitch, yaw, roll = fitted_vector(fit) or flow_vector("mounting", names, fit.stream, fit.results)
+    about_axes = ((fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
+    for camera in _suspected_cameras(fit):
+        for rotation_deg in ((pitch, yaw, roll),) if _has_that_size((pitch, yaw, roll), fit.size) else about_axes:
+            yield cameras.MountingRotation(fit.stream, rotation_deg, camera)
+
+
+def fitted_vector(fit: FittedCause) -> tuple[float, ...]:
+    """Return the error of flow against depth and poses of which the fitted size is the norm; () if it is of none."""
+    for feature in (feature for alarm in fit.alarms for feature in alarm.statistic.features):
+        if (
+            isinstance(feature, FlowParameterFit)
+            and feature.parameter == fit.cause
+            and isclose(abs(feature.value), abs(fit.size))
+        ):
+            # The declared camera lacks what the camera of the flow has in excess.
+            sign = copysign(1.0, feature.value * fit.size)
+            return tuple(sign * component for component in feature.components)
+    return ()
+
+
+def _has_that_size(vector: Sequence[float], size: float) -> bool:
+    """Whether a measured vector is long enough for a fitted size; else another check fitted it, along one axis."""
+    return _SATURATES * hypot(*vector) >= abs(size)

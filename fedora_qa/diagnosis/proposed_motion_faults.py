@@ -1,0 +1,163 @@
+"""The faults of poses and of the IMU that a trial undoes, with axes and sizes from their conventions and fits."""
+
+from collections.abc import Iterator, Sequence
+from math import isinf
+from typing import Any, Final
+
+import numpy as np
+
+from fedora_qa.checks.pose.continuity import DisplacedPositions
+from fedora_qa.conventions import NS_PER_US
+from fedora_qa.diagnosis.declared_cameras import mounting_units
+from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
+from fedora_qa.diagnosis.imu import HALF_TURN
+from fedora_qa.diagnosis.measured_sizes import vector
+from fedora_qa.estimators.imu.conventions import InertialConvention, signed_permutations
+from fedora_qa.faults import axes, declarations, motion, units
+from fedora_qa.faults.fault import Matrix3, RowRange, Vector3
+from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
+from fedora_qa.views.sample_defects import LoneSamples
+
+SAME_AXES: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def vector_axes(fit: FittedCause) -> Faults:
+    """Yield axes of poses or of the IMU under which both agree."""
+    cause: Any = fit.cause
+    of_vertical = [feature.convention for feature, _ in inertial_conventions(fit) if feature.kind == "translation"]
+    for feature, rows in inertial_conventions(fit):
+        convention = feature.convention
+        if fit.stream == "pose" and feature.kind == "rotation" and any(map(convention.turns_as, of_vertical)):
+            # Rates state neither the handedness of the axes nor the vertical, which specific forces have stated.
+            continue
+        sensor, world = _matrix(convention.sensor_axes), _matrix(convention.world_axes)
+        if any(sign < 0 for sign in convention.angle_signs):
+            if fit.stream == "pose":
+                yield motion.AngleSense(convention.angle_signs, world)
+        elif fit.stream == "imu":
+            yield axes.VectorAxes(fit.stream, sensor, cause=cause, rows=rows)
+        else:
+            # The IMU measures P v for v in the body of the poses: R' = R P, so that the axes of the body are P^T.
+            body = _matrix(tuple(zip(*sensor, strict=True)))
+            if world != SAME_AXES:
+                # Of positions alone.
+                yield axes.VectorAxes(fit.stream, world, body, cause=cause, rows=rows)
+                yield axes.VectorAxes(fit.stream, world, turns_orientations=False, cause=cause, rows=rows)
+            elif (with_vertical := (_world_of(convention, body), body)) != (SAME_AXES, SAME_AXES):
+                yield axes.VectorAxes(fit.stream, *with_vertical, cause=cause, rows=rows)
+
+
+def _world_of(convention: InertialConvention, body: Matrix3) -> Matrix3:
+    """Return axes of the world with the vertical of a convention, of the handedness of the axes of the body.
+
+    Which of its horizontal axes points north has no influence on what the streams measure.
+    """
+    up = np.array(convention.up) * (-1 if convention.gravity == "reversed" else 1)
+    right_handed = np.linalg.det(body) > 0
+    worlds = (_matrix(candidate) for candidate in signed_permutations())
+    possible = [
+        world
+        for world in worlds
+        if np.array_equal(np.array(world)[:, 2], up) and (np.linalg.det(world) > 0) == right_handed
+    ]
+    # Of four the one nearest to the axes of the format.
+    return max(possible, key=lambda world: float(np.trace(world)))
+
+
+def inertial_conventions(fit: FittedCause) -> Iterator[tuple[InertialConventionTrial, RowRange | None]]:
+    """Yield the conventions under which IMU and poses agree, with the rows of the part in which they do."""
+    # Specific forces determine the axes of the world as well, and the handedness: the vertical is theirs.
+    for alarm in sorted(fit.alarms, key=lambda alarm: alarm.finding.code.startswith("imu.rotation")):
+        where = alarm.finding.where
+        for feature in alarm.statistic.features:
+            if not isinstance(feature, InertialConventionTrial):
+                continue
+            if feature.interval_s is None or where.start_us is None or where.stop_us is None:
+                yield feature, None
+                continue
+            # Values outside of the place of the finding follow the declared convention.
+            ends_ns = [NS_PER_US * (end_us - fit.facts.origin_us) for end_us in (where.start_us, where.stop_us)]
+            first, last = np.searchsorted(fit.facts.clocks[fit.stream].times_ns, ends_ns)
+            yield feature, (int(first), int(last))
+
+
+def angle_unit(fit: FittedCause) -> Faults:
+    """Yield the unit of angles: in the part of the file that has it first, then in the whole file."""
+    for feature, rows in inertial_conventions(fit):
+        if rows is not None and feature.convention.rate_unit != 1.0:
+            yield units.AngleUnit(feature.convention.rate_unit, rows)
+    yield units.AngleUnit(fit.size)
+
+
+def component_orders(fit: FittedCause) -> Faults:
+    """Yield w first, and before it the order of components that were put first twice where rates have its axes."""
+    if any(each.convention.sensor_axes == HALF_TURN for each, rows in inertial_conventions(fit) if rows is None):
+        yield motion.QuaternionOrder((2, 3, 0, 1))
+    yield motion.QuaternionOrder()
+
+
+def _matrix(rows: Sequence[Sequence[float]]) -> Matrix3:
+    first, second, third = ((float(x), float(y), float(z)) for x, y, z in rows)
+    return first, second, third
+
+
+def gravity(fit: FittedCause) -> Faults:
+    """Yield the magnitude of gravity that the specific forces show, or that is declared."""
+    if fit.stream == "imu":
+        yield motion.GravityError("gravity_magnitude", fit.size)
+    else:
+        yield declarations.GravityMisdeclared(fit.size)
+
+
+def gyro_bias(fit: FittedCause) -> Faults:
+    """Yield biases of the gyro: of a part of the file first, then of the whole."""
+    for part, rows in _biases_of_parts(fit, "rotation"):
+        yield motion.GyroBias(part, rows)
+    if not _drifts(fit, "rotation") and (bias := vector("bias", fit.results.get("imu.rotation"))):
+        yield motion.GyroBias(bias)
+
+
+def accel_bias(fit: FittedCause) -> Faults:
+    """Yield biases of the accelerometer: of a part of the file first, then of the whole."""
+    for part, rows in _biases_of_parts(fit, "translation"):
+        yield motion.AccelBias(part, rows)
+    if not _drifts(fit, "translation") and (bias := vector("bias", fit.results.get("imu.translation"))):
+        yield motion.AccelBias(bias)
+
+
+def _drifts(fit: FittedCause, kind: MotionKind) -> bool:
+    """Whether a bias drifts, so that none that is constant undoes it."""
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    return any(isinstance(feature, DriftingBias) and feature.kind == kind for feature in features)
+
+
+def _biases_of_parts(fit: FittedCause, kind: MotionKind) -> Iterator[tuple[Vector3, RowRange]]:
+    """Yield the biases of parts of the IMU, with the rows of these parts."""
+    times_ns = fit.facts.clocks["imu"].times_ns
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    for part in dict.fromkeys(feature for feature in features if isinstance(feature, BiasOfPart)):
+        if part.kind == kind:
+            first, last = np.searchsorted(times_ns, (part.start_ns, part.stop_ns))
+            yield part.bias, (int(first), None if isinf(part.stop_ns) else int(last))
+
+
+def displaced_positions(fit: FittedCause) -> Faults:
+    """Yield the displacement of positions from a jump to the one that undoes it."""
+    times_ns = fit.facts.clocks["pose"].times_ns
+    features = [feature for alarm in fit.alarms for feature in alarm.statistic.features]
+    if any(isinstance(feature, LoneSamples) for feature in features):
+        return  # of many jumps, the largest two are not those of one displacement
+    for displaced in dict.fromkeys(feature for feature in features if isinstance(feature, DisplacedPositions)):
+        first, last = np.searchsorted(times_ns, (displaced.start_ns, displaced.stop_ns))
+        rows = int(first), None if isinf(displaced.stop_ns) else int(last)
+        yield motion.Teleport(displaced.displacement_m, rows)
+
+
+def lever_arm(fit: FittedCause) -> Faults:
+    """Yield displacements of poses, of the IMU or of cameras in the body."""
+    arm = vector("lever", fit.results.get("imu.translation"))
+    if fit.stream == "pose" and arm:
+        # The arm of the IMU from the point of the poses is measured: that of the point of the poses is its opposite.
+        yield motion.PoseLeverArm((-arm[0], -arm[1], -arm[2]))
+    if fit.stream == "metadata":
+        yield from mounting_units(fit.facts)
