@@ -7,7 +7,6 @@ from typing import Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
-from fedora_qa.diagnosis.proposed_faults import is_length_unit
 
 UNKNOWN: Final = "unknown"
 """Name of the cause of a finding without a hypothesis."""
@@ -94,8 +93,8 @@ def gather_candidates(
     by_sign: dict[tuple[str, str, str, bool], Hypothesis] = {}
     for finding, of_finding in hypotheses.items():
         for hypothesis in of_finding:
-            # A factor that is the ratio of no two units is an error of scale, which has no name.
-            if hypothesis.cause == "unit_mm_m" and hypothesis.magnitude and not is_length_unit(hypothesis.magnitude):
+            # Lengths of no sign and of no size have no unit.
+            if hypothesis.cause == "unit_mm_m" and hypothesis.magnitude is not None and not hypothesis.magnitude > 0:
                 continue
             if hypothesis.cause not in (UNKNOWN, ANY_CAUSE):
                 best = evidence[hypothesis.cause, hypothesis.stream]

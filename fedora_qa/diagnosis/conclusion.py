@@ -14,7 +14,7 @@ from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.diagnosis.candidates import FITS, CauseCandidate
 from fedora_qa.diagnosis.direct import check_of_code, clears_by_construction, is_declared, is_direct, is_local
-from fedora_qa.diagnosis.proposed_faults import is_testable
+from fedora_qa.diagnosis.proposed_faults import is_length_unit, is_testable
 from fedora_qa.faults.fault import ReversibleFault, is_of_part
 from fedora_qa.record.types import DiagnosisStatus
 
@@ -39,6 +39,10 @@ _MOSTLY: Final = 0.5
 
 PUBLISHED: Final = Path(__file__).with_name("confidence.json")
 """Rows of status, cause (empty: all causes), diagnoses that were right, and all."""
+
+_LEFT_BY_FIT: Final = 0.02
+"""Largest part of a deviation that a fitted factor leaves where it is the cause: its fit has an error. The value is not
+derived."""
 
 FEWEST: Final = 20
 """Diagnoses from which the frequency of one cause is used: its standard error is then 0.11 at most. With fewer, that of
@@ -195,6 +199,21 @@ def is_excluded(candidate: CauseCandidate, codes: Mapping[str, str], trials: Tri
     # Of two faults in one file, undoing either leaves the findings of the other, which say nothing of it.
     concerns_it = not trial.left or any(finding in trial.left for finding in candidate.evidence)
     return concerns_it and is_conclusive(candidate, codes)
+
+
+def is_scale_by_chance(candidate: CauseCandidate, trials: Trials) -> bool:
+    """Whether lengths have a fitted factor that is the ratio of no two units, and that undoing it does not prove.
+
+    A factor is fitted to whatever makes depths and path disagree. One that is the cause leaves what the rounding of its
+    fit leaves, of every finding that the trial shows, and brings none about.
+    """
+    factor = candidate.size.magnitude
+    if candidate.cause != "unit_mm_m" or factor is None or is_length_unit(factor):
+        return False
+    trial = trials.get(candidate.key)
+    if trial is None or trial.caused or trial.crashed or not trial.cleared:
+        return True
+    return any(abs(ratio) > _LEFT_BY_FIT for ratio in trial.left.values())
 
 
 def clears_by_chance(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial) -> bool:

@@ -25,6 +25,7 @@ from fedora_qa.diagnosis.conclusion import (
     has_evidence,
     is_conclusive,
     is_excluded,
+    is_scale_by_chance,
     status_of,
 )
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
@@ -126,7 +127,7 @@ def choose_causes(
     candidates = [
         _tested(candidate, codes, trials.get(candidate.key))
         for candidate in ranked
-        if not is_excluded(candidate, codes, trials)
+        if not is_excluded(candidate, codes, trials) and not is_scale_by_chance(candidate, trials)
     ]
     tested = {c.key: has_evidence(c, codes, trials) for c in candidates}
     # Unexplained support of each finding: the demand of the set cover.

@@ -26,6 +26,7 @@ CAUSES_OF_TRANSFORM: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({
     "flipped_v": ("frame_convention",),
     "north_east_down": ("frame_convention",),
     "other_mounting": ("frame_convention",),
+    "turned_mounting": ("extrinsic_rotation",),
     "another_unit": ("flow_unit",),
     "scaled": ("flow_gain",),
     "scaled_by_axis": ("flow_gain",),

@@ -20,6 +20,7 @@ from fedora_qa.views.sample_defects import (
     HeldComponent,
     LinearInterpolation,
     LoneSamples,
+    NoiseAtTimes,
     RepeatedSamples,
     SampleClockDrift,
     SampleClockGrid,
@@ -55,6 +56,8 @@ def defect_hypotheses(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
                 )
             case LoneSamples(stream, _, largest_m):
                 hypotheses.append(Hypothesis("teleport", stream, support("motion.lone_samples"), largest_m, "m"))
+            case NoiseAtTimes(stream):
+                hypotheses.append(Hypothesis("teleport", stream, support("motion.noise_at_times")))
             case ComponentNoise(stream):
                 strength = support("motion.noise_of_components")
                 hypotheses.append(Hypothesis("quaternion_not_unit", stream, strength))

@@ -21,7 +21,9 @@ from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.measured_sizes import flow_vector
 from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ROTATION_MODELS, ShiftFieldFit, ShiftFieldModel
 from fedora_qa.faults import cameras
+from fedora_qa.faults.fault import Vector3
 from fedora_qa.views.flow_comparison import FlowParameterFit
+from fedora_qa.views.flow_conventions import ConventionTrial
 
 _SATURATES: Final = 1.5
 """Least ratio of a fitted size to the length of a measured vector for the vector not to be a measurement of it: a shift
@@ -91,12 +93,24 @@ def mounting(fit: FittedCause) -> Faults:
         x_deg, y_deg, z_deg = (float(angle) for angle in np.rad2deg(best.parameters))
         yield cameras.MountingRotation("metadata", (x_deg, y_deg, z_deg), "events")
         yield cameras.MountingRotation("metadata", (-x_deg, -y_deg, -z_deg), "rgb")
+    for turned in _turned_mountings(fit):
+        for camera in _suspected_cameras(fit):
+            yield cameras.MountingRotation("metadata", turned, camera)
     names = ("pitch", "yaw", "roll")
     pitch, yaw, roll = fitted_vector(fit) or flow_vector("mounting", names, fit.stream, fit.results)
     about_axes = ((fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
     for camera in _suspected_cameras(fit):
         for rotation_deg in ((pitch, yaw, roll),) if _has_that_size((pitch, yaw, roll), fit.size) else about_axes:
             yield cameras.MountingRotation(fit.stream, rotation_deg, camera)
+
+
+def _turned_mountings(fit: FittedCause) -> Iterator[Vector3]:
+    """Yield the rotation by which flow and depth move as the poses do, of the field that follows it most closely."""
+    trials = [feature for alarm in fit.alarms for feature in alarm.statistic.features
+              if isinstance(feature, ConventionTrial) and feature.transform == "turned_mounting"]  # fmt: skip
+    if fit.stream == "metadata" and trials:
+        x_deg, y_deg, z_deg = max(trials, key=lambda trial: trial.removed_share).components
+        yield x_deg, y_deg, z_deg
 
 
 def fitted_vector(fit: FittedCause) -> tuple[float, ...]:

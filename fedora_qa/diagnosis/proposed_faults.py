@@ -276,7 +276,10 @@ def _thresholds(fit: FittedCause) -> Faults:
 
 
 def _length_unit(fit: FittedCause) -> Faults:
-    if fit.stream in ("depth", "pose") and is_length_unit(fit.size):
+    if fit.stream in ("depth", "pose") and not is_length_unit(fit.size):
+        # No unit: a scale, which is one of all lengths.
+        yield units.LengthUnit("depth" if fit.stream == "depth" else "pose", fit.size)
+    elif fit.stream in ("depth", "pose"):
         for feature in (feature for alarm in fit.alarms for feature in alarm.statistic.features):
             if fit.stream == "depth" and isinstance(feature, OutOfRange) and feature.rescaled_rows is not None:
                 # Divided in the whole file, correct frames would be in the other unit.

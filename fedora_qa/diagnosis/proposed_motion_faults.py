@@ -16,7 +16,7 @@ from fedora_qa.estimators.imu.conventions import InertialConvention, signed_perm
 from fedora_qa.faults import axes, declarations, motion, units
 from fedora_qa.faults.fault import Matrix3, RowRange, Vector3
 from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
-from fedora_qa.views.sample_defects import LoneSamples
+from fedora_qa.views.sample_defects import LoneSamples, NoiseAtTimes
 
 SAME_AXES: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -145,7 +145,7 @@ def displaced_positions(fit: FittedCause) -> Faults:
     """Yield the displacement of positions from a jump to the one that undoes it."""
     times_ns = fit.facts.clocks["pose"].times_ns
     features = [feature for alarm in fit.alarms for feature in alarm.statistic.features]
-    if any(isinstance(feature, LoneSamples) for feature in features):
+    if any(isinstance(feature, LoneSamples | NoiseAtTimes) for feature in features):
         return  # of many jumps, the largest two are not those of one displacement
     for displaced in dict.fromkeys(feature for feature in features if isinstance(feature, DisplacedPositions)):
         first, last = np.searchsorted(times_ns, (displaced.start_ns, displaced.stop_ns))

@@ -29,6 +29,7 @@ from fedora_qa.views.flow_conventions import ConventionTrial
 Place = Literal["in", "out", "unknown"]
 
 _EVENTS, _INERTIAL = "event_response.timing", "imu.timing"
+_OF_MOTION: Final = ("imu", "pose")
 
 _WHOLE: Final = 0.02
 """Largest part of a period by which an offset may differ from whole periods to count as whole: its fit has an error."""
@@ -239,6 +240,9 @@ def contradicts(
     is_off_grid = cause in ("time_offset", "clock_rate") and family in places and places[family].excludes(offset_ms)
     # Flow of another time under timestamps that are right is late, whatever grid these lie on.
     is_off_grid &= not (family == "flow" and offset_ms is not None and _is_offset_of_flow(offset_ms, results))
+    # Where the clocks of both lie on the grid, values of one of them are those of another time.
+    of_motion = cause == "time_offset" and family in _OF_MOTION and _failed(results.get(_INERTIAL))
+    is_off_grid &= not (of_motion and all(name in places and places[name].place == "in" for name in _OF_MOTION))
     is_of_another_body = family == "pose" and cause in _ATTITUDE_CONVENTIONS and _turns_with_depth(results)
     # An offset that leaves a correlation is within reach of ``event_response.timing``, which states its size.
     is_unsized = cause in ("time_offset", "time_unit") and magnitude is None and family in ("rgb", "events")

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from math import inf
+from math import copysign, hypot, inf
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from fedora_qa.conventions import MM_PER_M, R_BODY_OPTICAL
 from fedora_qa.estimators.flow.motion_fit import FlowSample, fit_motion, weigh_templates
@@ -32,6 +33,13 @@ _ANOTHER_GAIN: Final = 0.02
 
 _ANOTHER_CONVENTION_RAD: Final = 0.7
 """Mountings within this angle of straight ahead are taken as turned, not as written in another convention."""
+
+_LEAST_MOTION: Final = 1e-3
+"""Least rotation of the body in an interval, rad, least translation, m, and least sine of the angle between both, from
+which a mounting is computed. The value is not derived: with less, a trial of the mounting shows what it is worth."""
+
+_SAME_MOTION: Final = 0.02
+"""Largest relative difference of the lengths of two motions that are one, seen by two frames. Not derived, likewise."""
 
 _MS_PER_NS: Final = 1e-6
 _FRAME_SHIFTS: Final = (-2, -1, 1, 2)
@@ -316,6 +324,13 @@ def _with_other_poses(
     def with_axes(change: Float64) -> PoseTrack:
         return track.transformed(lambda poses: replace(poses, positions_world_m=poses.positions_world_m @ change))
 
+    if (turned := _turned_mounting(track, interval, sample)) is not None:
+        motion = turned.motion(interval.start_ns, interval.end_ns)
+        # Declared = true Exp(error), in the axes of the camera.
+        error_rad = log(turned.camera.T_body_camera[:3, :3].T @ track.camera.T_body_camera[:3, :3])
+        x_deg, y_deg, z_deg = (float(angle) for angle in np.rad2deg(error_rad))
+        size_deg = copysign(hypot(x_deg, y_deg, z_deg), max((x_deg, y_deg, z_deg), key=abs))
+        yield _TransformedField("turned_mounting", "metadata", sample, motion, size_deg, (x_deg, y_deg, z_deg))
     mountings = [track.mounted(T_body_camera) for T_body_camera in other_mountings(track.camera.T_body_camera)]
     # Flow fixes the ratio of depths and positions: only plausible depths leave the unit to the positions.
     for name, stream, corrected, magnitude in (
@@ -337,6 +352,34 @@ def _with_other_poses(
         for first, last in ends[:1] if stream == "metadata" else ends:
             motion = first.motion_into(last, interval.start_ns, interval.end_ns)
             yield _TransformedField(name, stream, sample, motion, magnitude)
+
+
+def _turned_mounting(track: PoseTrack, interval: Interval, sample: FlowSample) -> PoseTrack | None:
+    """Return the track with the mounting under which the body moves as flow and depth show; None without such a one.
+
+    With the rotation R from camera to body, the motion of points in the camera is R^T times that in a frame at the same
+    place with the axes of the body: of the rotation vector and of the translation. The two directions state R
+    (G. Wahba, SIAM Rev. 7 (1965) 409), and their lengths, and the angle between them, do not depend on it.
+    """
+    in_body = np.eye(4)
+    in_body[:3, 3] = track.camera.T_body_camera[:3, 3]
+    of_body = track.mounted(in_body).motion(interval.start_ns, interval.end_ns)
+    still = RigidMotion(np.eye(3), np.zeros(3))
+    fit = fit_motion(track.camera.K, still, sample)
+    if of_body is None or fit is None:
+        return None
+    # Of the body, then of the camera: (2, 2, 3) rotation vector and translation, and their (2, 2) lengths.
+    vectors = np.array([(log(motion.R), motion.t_m) for motion in (of_body, fit.motion)])
+    lengths = np.linalg.norm(vectors, axis=-1)
+    if lengths.min() < _LEAST_MOTION or np.any(np.abs(lengths[1] / lengths[0] - 1.0) > _SAME_MOTION):
+        return None
+    body, camera = vectors / lengths[..., None]
+    if np.linalg.norm(np.cross(*body)) < _LEAST_MOTION or abs(body[0] @ body[1] - camera[0] @ camera[1]) > _SAME_MOTION:
+        return None
+    R_body_camera, _ = Rotation.align_vectors(body, camera)
+    T_body_camera = in_body.copy()
+    T_body_camera[:3, :3] = R_body_camera.as_matrix()
+    return track.mounted(T_body_camera)
 
 
 def other_mountings(T_body_camera: Float64) -> list[Float64]:

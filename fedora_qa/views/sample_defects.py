@@ -15,6 +15,8 @@ from fedora_qa.estimators.imu.local_motion import (
     find_interpolation,
     lone_samples,
     longest_hold,
+    noise_evenness,
+    noise_level,
     repeated_samples,
 )
 from fedora_qa.features import Feature
@@ -22,7 +24,7 @@ from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.sequence.window import ImuSamples, PoseSamples
-from fedora_qa.views.motion_samples import measured_pose_sigmas, stored_resolution
+from fedora_qa.views.motion_samples import NOISE_ORDER, measured_pose_sigmas, position_floor_m, stored_resolution
 
 LEAST_EVENNESS: Final = 0.2
 """Least evenness of a sampled motion: the curvature of a smooth motion does not change fivefold within a step, nor does
@@ -37,6 +39,11 @@ _DISTINCT: Final = 0.9
 _OTHER_WEIGHT: Final = 3.0
 """Ratio of specific force to gravity, or of gravity to it, that half of a flight does not exceed: a vehicle that
 carries itself accelerates at about 1 g, and turns at 3 g do not last."""
+
+_LEAST_NOISE_EVENNESS: Final = 0.2
+"""Least ratio of noise by the median of differences to that by their 90% quantile for noise that every sample has. It
+is 1 for normal noise; below 0.2, half of the samples have less than a fifth of what disturbs a tenth of them. The value
+is not derived."""
 
 _SAME_NOISE: Final = 0.25
 """Largest relative difference of two measurements of one noise: each is known to a tenth from a hundred samples."""
@@ -185,6 +192,19 @@ class LoneSamples(Feature):
     stream: str
     count: int
     largest_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseAtTimes(Feature):
+    """What differs from a smooth motion does so at times, as jumps do: most samples lie on it.
+
+    Attributes
+    ----------
+    stream
+        ``pose``.
+    """
+
+    stream: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -340,6 +360,15 @@ def component_noise(poses: PoseSamples, step: float, rotation_rad: float, declar
     return None
 
 
+def _is_noise_at_times(poses: PoseSamples) -> bool:
+    """Whether positions, by more than rounding and a fast motion explain, leave a smooth motion at times only."""
+    curve = VectorSamples(poses.positions_world_m)
+    level = noise_level(poses.times_ns, curve, order=NOISE_ORDER)
+    if level is None or level.sigma <= level.motion + position_floor_m(poses):
+        return False
+    return noise_evenness(poses.times_ns, curve, order=NOISE_ORDER) < _LEAST_NOISE_EVENNESS
+
+
 def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Feature, ...]:
     """Return the defects of the poses themselves, which disturb estimates from them.
 
@@ -374,6 +403,8 @@ def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Fe
         features.append(RepeatedSamples("pose", len(frozen)))
     if not features and (lone := lone_poses(poses)):
         features.append(lone)
+    if not features and _is_noise_at_times(poses):
+        features.append(NoiseAtTimes("pose"))
     if not features:
         position_m, rotation_rad = measured_pose_sigmas(poses)
         stored = facts.steps.get("path/pose/orientation", StoredStep())

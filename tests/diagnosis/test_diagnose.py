@@ -462,3 +462,25 @@ def test_a_size_counts_once_a_check() -> None:
     rates = [alarm(i, of_frames, code="flow_photometric.residual.template", stream="flow") for i in (1, 2, 3)]
     first = diagnosed([*rates, alarm(4, of_depth, code="flow_geometry.endpoint.error", stream="flow")])[0]
     assert (first.magnitude, first.explains) == (-8.0, ("F4",))
+
+
+@pytest.mark.parametrize(
+    ("trial", "is_named"),
+    [
+        (tried("F1", "F2"), True),
+        (tried("F1", left={"F2": 1e-3}), True),
+        (tried("F1", left={"F2": 0.3}), False),
+        (tried("F1", "F2", caused=("depth.projection.ray",)), False),
+        (None, False),
+    ],
+)
+def test_a_scale_of_lengths_that_is_no_unit_is_named_where_undoing_it_proves_it(
+    trial: UndoTrial | None, is_named: bool
+) -> None:
+    """Any misfit of depths and path has a factor that fits best; the factor of a unit needs no proof."""
+    explained = [
+        alarm(1, Hypothesis("unit_mm_m", "depth", 0.9, 0.256, "1", 1e-5), code="depth.scale.factor", stream="depth"),
+        alarm(2, Hypothesis("unit_mm_m", "depth", 0.9), code="depth.consistency.frame", stream="depth"),
+    ]
+    trials = {} if trial is None else {("unit_mm_m", "depth"): trial}
+    assert any(diagnosis.cause == "unit_mm_m" for diagnosis in diagnosed(explained, trials)) == is_named

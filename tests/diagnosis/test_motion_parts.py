@@ -212,3 +212,22 @@ def test_a_bias_of_a_part_is_undone_in_that_part(tmp_path: Path, field: str, cau
     diagnosis = first_diagnosis(part, tmp_path / "motion.h5")
     assert (diagnosis.cause, diagnosis.stream, diagnosis.status) == (cause, "imu", "confirmed")
     assert diagnosis.magnitude == pytest.approx(float(np.linalg.norm(bias)), rel=1e-2)
+
+
+def test_positions_of_two_sets_are_jumps_and_no_noise(tmp_path: Path) -> None:
+    """After 12 to 40 poses positions change to others, and back, by 5 cm: noise would be in every pose."""
+    samples = sample_motion()
+    count = len(samples.positions_world_m)
+    begins = np.cumsum(np.random.default_rng(3).integers(12, 41, count // 12))
+    other = np.searchsorted(begins, np.arange(count), "right") % 2
+    positions_m = samples.positions_world_m + 0.05 * np.outer(other, [0.0, 1.0, 0.0])
+    diagnosis = first_diagnosis(MotionFile().altered(positions_world_m=positions_m), tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == ("teleport", "pose")
+
+
+@pytest.mark.parametrize("name", ["orientations_xyzw", "positions_world_m"])
+def test_one_half_of_a_pose_that_stands_still_is_frozen(tmp_path: Path, name: str) -> None:
+    """Where it goes on it jumps; the other half moves all the time."""
+    frozen = altered_in_part(**{name: lambda values: np.repeat(values[:1], len(values), axis=0)})
+    diagnosis = first_diagnosis(frozen, tmp_path / "motion.h5", ("pose.continuity",))
+    assert (diagnosis.cause, diagnosis.stream) == ("frozen_frames", "pose")

@@ -268,3 +268,14 @@ def test_few_doubled_events_contradict_the_frames_in_few_pixels(repeats: float, 
     alarm = Alarm(Finding("F1", code, "error", "off", Where()), statistic)
     assert disturbs_too_few(Hypothesis("duplicated_samples", "events", 0.3), alarm, results) == too_few
     assert not disturbs_too_few(Hypothesis("dropped_samples", "events", 0.3), alarm, results)
+
+
+@pytest.mark.parametrize("stream", ["imu", "pose"])
+def test_values_of_another_time_on_the_common_grid_are_late(stream: str) -> None:
+    """IMU and poses lie on the grid of all streams, and their motion differs by 7 ms: no clock has left it."""
+    places = places_of_clocks(facts_of(memory_sequence()))
+    late = {"imu.timing": Result("imu.timing", "failed", "late")}
+    assert not contradicts("time_offset", stream, 7.3, late, places)
+    assert contradicts("time_offset", stream, 7.3, {}, places)
+    apart = {**places, "pose": ClockPlace("out", 5.0)}
+    assert contradicts("time_offset", stream, 7.3, late, apart) == (stream == "imu")

@@ -20,6 +20,7 @@ from fedora_qa.estimators.imu.local_motion import (
     find_steps,
     most_precise_steps,
     noise_level,
+    repeated_samples,
 )
 from fedora_qa.features import Feature
 from fedora_qa.geometry import so3
@@ -34,6 +35,7 @@ from fedora_qa.views.motion_samples import (
     owned_poses,
     position_floor_m,
     rotation_floor_rad,
+    stored_resolution,
     why_unusable,
 )
 from fedora_qa.views.sample_defects import (
@@ -87,7 +89,7 @@ class PoseJump(Feature):
     Attributes
     ----------
     beside_repeated_samples
-        Whether its estimate depends on poses that equal the one before.
+        Whether its estimate depends on poses that equal the one before, or whose position or orientation does.
     """
 
     beside_repeated_samples: bool
@@ -198,6 +200,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
         if unusable or len(poses.times_ns) < _FEWEST_POSES:
             return Observation(coverage, unobservable=unusable or f"fewer than {_FEWEST_POSES} poses")
         frozen_rows, of_timestamps = frozen_poses(poses), timestamp_defects(facts, "pose")
+        values_of_kind = {"position": poses.positions_world_m, "rotation": poses.orientations_xyzw}
         model = facts.declared.pose or PoseModel()
         measurements: list[Statistic] = []
         kinds: tuple[tuple[str, str, float, SampledCurve], ...] = (
@@ -237,8 +240,10 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                 )
             else:
                 transforms = orientation_transforms(poses, before, sigma)
-            # Samples that repeat within the filter's reach have the effect of a jump.
-            beside_repeats = bool(np.any(np.abs(frozen_rows - before) <= _WIDEST_REACH))
+            # Samples that repeat within the filter's reach have the effect of a jump: poses, or what jumps of them.
+            values = values_of_kind[name]
+            held_rows = repeated_samples(values, roundings=[stored_resolution(values)])
+            beside_repeats = bool(np.any(np.abs(np.union1d(frozen_rows, held_rows) - before) <= _WIDEST_REACH))
             measurements.append(
                 Statistic(
                     name=f"{name}_jump",

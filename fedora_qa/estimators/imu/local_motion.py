@@ -26,6 +26,7 @@ _NS_PER_US: Final = 1_000
 
 _QUANTILE: Final = 0.9
 _QUANTILE_SIGMAS: Final = 1.644854
+_MEDIAN_SIGMAS: Final = 0.674490
 """Quantile of absolute differences that gives sigma, and its value for unit normal noise. Jumps in one tenth of the
 differences move the estimate little."""
 
@@ -263,6 +264,28 @@ def noise_level(times_ns: Int64, curve: SampledCurve, *, order: int) -> NoiseLev
         motion=max(0.0, sigma - _sigma(higher)),
         count=len(differences),
     )
+
+
+def noise_evenness(times_ns: Int64, curve: SampledCurve, *, order: int) -> float:
+    """Return the standard deviation of noise by the median of differences over that by their 90% quantile.
+
+    It is 1 for white normal noise, and near 0 where what disturbs the samples does so at times, as jumps do.
+
+    Parameters
+    ----------
+    times_ns, curve, order
+        As of ``noise_level``.
+
+    Returns
+    -------
+    float
+        0 to about 1; 1 where there are too few samples, or where nothing is left of them.
+    """
+    differences = divided_differences(times_ns, curve, order)
+    of_tenth = _sigma(differences)
+    if len(differences) < order or not of_tenth > 0:
+        return 1.0
+    return float(np.median(np.abs(differences))) / _MEDIAN_SIGMAS / of_tenth
 
 
 def find_steps(times_ns: Int64, curve: SampledCurve, *, half_width: int, degree: int, sigma: float) -> StepEstimates:

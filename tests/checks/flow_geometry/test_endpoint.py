@@ -16,6 +16,7 @@ from fedora_qa.diagnosis.vetoes import is_flow_of_a_part
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.views.flow_comparison import FieldError
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_intervals import Interval
 from tests.support.flow_world import (
     T_BODY_CAMERA,
@@ -466,3 +467,32 @@ def test_flow_of_another_scene_for_a_while_is_of_another_sequence() -> None:
             key=lambda h: -h.support,
         )  # fmt: skip
         assert hypothesis.cause == cause
+
+
+@pytest.mark.parametrize("rotation_deg", [(25.0, -40.0, 10.0), (0.0, 0.0, 90.0), (150.0, 20.0, -30.0)])
+def test_a_mounting_that_is_turned_far_is_computed_from_the_motion_of_flow(
+    rotation_deg: tuple[float, float, float],
+) -> None:
+    """The rotation vector and the way of the camera, in its axes and in those of the body, state the mounting."""
+    T_declared = T_BODY_CAMERA.copy()
+    T_declared[:3, :3] = T_BODY_CAMERA[:3, :3] @ Rotation.from_rotvec(rotation_deg, degrees=True).as_matrix()
+    world = with_camera(clean(), T=T_declared)
+    (alarm, *_) = judged(FlowGeometryEndpoint(), world).alarms
+    turned = [
+        feature
+        for feature in alarm.statistic.features
+        if isinstance(feature, ConventionTrial) and feature.transform == "turned_mounting"
+    ]
+    best = max(turned, key=lambda trial: trial.removed_share)
+    assert best.removed_share > 0.999
+    np.testing.assert_allclose(best.components, rotation_deg, atol=0.01)
+    assert abs(best.magnitude or 0.0) == pytest.approx(np.linalg.norm(rotation_deg), abs=0.01)
+    hypothesis = most_probable_cause(world)
+    assert (hypothesis.cause, hypothesis.stream) == ("extrinsic_rotation", "metadata")
+
+
+def test_a_path_of_another_length_states_no_mounting() -> None:
+    """Where depths are twice as far, the way by flow is twice that of the poses: no rotation makes them one."""
+    world = clean().with_rows(path_depth=clean().rows_by_key["path/depth"] * 2)
+    features = judged(FlowGeometryEndpoint(), world).alarms[0].statistic.features
+    assert not any(isinstance(f, ConventionTrial) and f.transform == "turned_mounting" for f in features)

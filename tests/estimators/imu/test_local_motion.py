@@ -15,6 +15,7 @@ from fedora_qa.estimators.imu.local_motion import (
     find_steps,
     lone_samples,
     most_precise_steps,
+    noise_evenness,
     noise_level,
     repeated_samples,
 )
@@ -282,3 +283,14 @@ def test_lone_samples_are_counted_and_noise_is_not(times_ns: NDArray[np.int64]) 
     noise = 0.003 * np.random.default_rng(7).standard_normal(motion.shape)
     for values in (motion, motion + noise, jumped):
         assert not len(lone_samples(times_ns, VectorSamples(values))[0])
+
+
+@pytest.mark.parametrize("times_ns", [TIMES_NS, uneven_ns(601)], ids=["even", "uneven"])
+def test_noise_is_in_every_sample_and_jumps_are_not(times_ns: NDArray[np.int64]) -> None:
+    """White noise is as large by the median as by the largest tenth; positions that change between two sets do not."""
+    motion = RESTLESS.positions_m(times_ns * 1e-9)
+    noise = 0.003 * np.random.default_rng(7).standard_normal(motion.shape)
+    assert noise_evenness(times_ns, VectorSamples(motion + noise), order=8) == pytest.approx(1.0, abs=0.1)
+    taking_turns = motion + 0.05 * (np.arange(len(motion)) // 26 % 2)[:, np.newaxis]
+    assert noise_evenness(times_ns, VectorSamples(taking_turns), order=8) < 0.01
+    assert noise_evenness(times_ns[:9], VectorSamples(motion[:9]), order=8) == 1.0
