@@ -21,6 +21,7 @@ from fedora_qa.causes import INDEX_MAPS, TIMED, allowed
 from tests.benchmarks.foreign.scenes import Size
 from tests.benchmarks.foreign_faults import study
 from tests.benchmarks.foreign_faults.displacement import KEYS, recomputed
+from tests.benchmarks.foreign_faults.fifth_round.kinds import FIFTH_ROUND
 from tests.benchmarks.foreign_faults.fourth_round.kinds import FOURTH_ROUND
 from tests.benchmarks.foreign_faults.kind import ALL_SCENES, EXACT_SCENES, LAST_ROUND, SHARES, Kind, Plan, Range
 from tests.benchmarks.foreign_faults.outcome import Named, Outcome, diagnose_planted, outcome_of, plant, state_path
@@ -86,10 +87,10 @@ def test_there_are_enough_kinds() -> None:
 def test_the_last_round_is_held_out() -> None:
     """All of it and nothing else."""
     assert {kind.round for kind in KINDS} == set(range(1, LAST_ROUND + 1))
-    assert [kind for kind in KINDS if kind.held_out] == list(FOURTH_ROUND)
+    assert [kind for kind in KINDS if kind.held_out] == list(FIFTH_ROUND)
 
 
-@pytest.mark.parametrize("kinds", [SECOND_ROUND, THIRD_ROUND, FOURTH_ROUND])
+@pytest.mark.parametrize("kinds", [SECOND_ROUND, THIRD_ROUND, FOURTH_ROUND, FIFTH_ROUND])
 def test_a_later_round_has_enough_kinds_of_its_own(kinds: tuple[Kind, ...]) -> None:
     """Of every stream, with a name and without, local ones and composites."""
     assert len({kind.round for kind in kinds}) == 1
@@ -214,7 +215,7 @@ def test_a_planter_alters_what_it_says_and_nothing_else(
     assert all(lies_under(path, kind.alters) for path in retyped)
 
 
-@pytest.mark.parametrize("kind", [*THIRD_ROUND, *FOURTH_ROUND], ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", [*THIRD_ROUND, *FOURTH_ROUND, *FIFTH_ROUND], ids=lambda kind: kind.name)
 def test_a_kind_is_planted_the_same_again(
     kind: Kind,
     clean_of: Callable[[Source], Path],

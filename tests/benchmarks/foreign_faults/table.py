@@ -13,6 +13,7 @@ from tests.benchmarks.foreign_faults import (
     sensor,
 )
 from tests.benchmarks.foreign_faults.composites import both
+from tests.benchmarks.foreign_faults.fifth_round.kinds import FIFTH_ROUND
 from tests.benchmarks.foreign_faults.fourth_round.kinds import FOURTH_ROUND
 from tests.benchmarks.foreign_faults.inertial import ACCELEROMETER, GYRO
 from tests.benchmarks.foreign_faults.kind import EXACT_SCENES, QUIET_SCENES, Kind, Range
@@ -448,4 +449,5 @@ KINDS: Final = (
     *SECOND_ROUND,
     *THIRD_ROUND,
     *FOURTH_ROUND,
+    *FIFTH_ROUND,
 )
