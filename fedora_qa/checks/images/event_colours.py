@@ -16,6 +16,7 @@ from fedora_qa.estimators.images.event_colours import (
     colour_blocks,
     colour_columns,
     concatenate_colours,
+    curve_slopes,
     edge_aware_colours,
     fit_colours,
 )
@@ -150,7 +151,8 @@ def _colour_sums(window: Window) -> ColourSums | None:
         # The declared curve recovers the stored codes, which the tested curve then linearises.
         earlier, later = (each if curve == transfer else to_linear(to_code(each, transfer), curve) for each in colours)
         regressors = colour_columns(earlier, later, declared.model, declared.log_eps_dn)
-        return colour_blocks(np.column_stack([regressors, -delay]), events, quarter, QUARTERS)
+        slopes = curve_slopes(earlier, later)
+        return colour_blocks(np.column_stack([regressors, -delay]), events, slopes, quarter, QUARTERS)
 
     by_curve = tuple(sums(curve, pairs) for curve in _curves(transfer))
     return ColourSums(len(pairs), by_curve, sums(transfer, pairs.with_straight_lines()), codes)

@@ -28,7 +28,6 @@ FOCAL: Final = slice(7, 8)
 CENTRE: Final = slice(8, 10)
 MOUNTING: Final = slice(10, 13)
 TIME: Final = slice(13, 14)
-ROLL: Final = slice(14, 15)
 GEOMETRIC: Final = slice(7, 15)
 """Templates that follow from depth and the motion of the camera: percent, px, degrees about the axes of the camera,
 percent of the interval, degrees of relative roll. Zero where depth or motion is missing."""

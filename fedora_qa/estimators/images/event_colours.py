@@ -88,12 +88,15 @@ class ColourBlocks:
         (b,) y' W y.
     weights
         (b,) sum of the weights.
+    curve_slopes
+        (b,) weighted sum of the change of H by a change of all channels, see ``curve_slopes``.
     """
 
     matrices: Float64
     vectors: Float64
     squares: Float64
     weights: Float64
+    curve_slopes: Float64
 
     def __len__(self) -> int:
         return len(self.weights)
@@ -218,7 +221,28 @@ def colour_columns(earlier_dn: Float64, later_dn: Float64, model: Literal["log",
     return np.column_stack([change * secant[:, np.newaxis], bent[1] / last - bent[0] / first])
 
 
-def colour_blocks(columns: Float64, events: Float64, block_of_sample: NDArray[np.intp], blocks: int) -> ColourBlocks:
+def curve_slopes(earlier_dn: Float64, later_dn: Float64) -> Float64:
+    """Return the change of H by a small change of 1 DN of all channels, for the model S = Y, on the mean of two times.
+
+    Parameters
+    ----------
+    earlier_dn, later_dn
+        (m, 3) linear R, G, B at two times, DN.
+
+    Returns
+    -------
+    ndarray of float64
+        (m,) dimensionless.
+    """
+    weights, both_dn = np.array(LUMA_WEIGHTS_RGB), np.stack([earlier_dn, later_dn])
+    # d/dc of sum of w_k c_k ln(c_k / 255) = sum of w_k (1 + ln(c_k / 255)), and the weights have the sum 1.
+    slopes: Float64 = (1 + np.log(np.maximum(both_dn, _LEAST_DN) / WHITE_DN) @ weights).mean(axis=0)
+    return slopes
+
+
+def colour_blocks(
+    columns: Float64, events: Float64, slopes: Float64, block_of_sample: NDArray[np.intp], blocks: int
+) -> ColourBlocks:
     """Return normal equations of events on columns, summed by block, with Huber's weights.
 
     Parameters
@@ -227,6 +251,8 @@ def colour_blocks(columns: Float64, events: Float64, block_of_sample: NDArray[np
         (m, 5), those of ``CHANNELS``, ``EXPONENT`` and ``DELAY``.
     events
         (m,) sum of the events of each sample, in the unit of S.
+    slopes
+        (m,) of ``curve_slopes``.
     block_of_sample
         (m,) index of the block of each sample.
     blocks
@@ -239,20 +265,22 @@ def colour_blocks(columns: Float64, events: Float64, block_of_sample: NDArray[np
     """
     weights = huber_regression_weights(columns, events)
     sums = ColourBlocks(
-        np.zeros((blocks, PARAMETERS, PARAMETERS)), np.zeros((blocks, PARAMETERS)), np.zeros(blocks), np.zeros(blocks)
+        np.zeros((blocks, PARAMETERS, PARAMETERS)), np.zeros((blocks, PARAMETERS)), *np.zeros((3, blocks))
     )
     for block in range(blocks):
         chosen = block_of_sample == block
         X, y, w = columns[chosen], events[chosen], weights[chosen]
         sums.matrices[block], sums.vectors[block] = (X * w[:, np.newaxis]).T @ X, (X * w[:, np.newaxis]).T @ y
         sums.squares[block], sums.weights[block] = w @ y**2, w.sum()
+        sums.curve_slopes[block] = w @ slopes[chosen]
     return sums
 
 
 def concatenate_colours(sums: Sequence[ColourBlocks]) -> ColourBlocks:
     """Return all blocks in order, without those that have no samples."""
     fields = [np.concatenate([getattr(blocks, name) for blocks in sums]) for name in ColourBlocks.__slots__]
-    present = fields[-1] > 0
+    joined = ColourBlocks(*fields)
+    present = joined.weights > 0
     return ColourBlocks(*(values[present] for values in fields))
 
 
@@ -297,12 +325,11 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
     deviations = left_out - values
     between: Float64 = (len(matrices) - 1) / len(matrices) * deviations.T @ deviations
     errors = np.sqrt(np.fmax(np.maximum(np.diag(formal), 0.0), np.diag(between)))
-    # u: change of each column by an error of 1 in all channels; for dH, the change that a true change gives.
-    luma_weights, common = np.array(LUMA_WEIGHTS_RGB), np.zeros(len(matrix))
+    # u: change of each column by an error of 1 in all channels; of dH, on the mean of the samples.
+    common = np.zeros(len(matrix))
     common[:3] = 1.0
     if with_exponent:
-        of_luma = max(float(luma_weights @ matrix[:3, :3] @ luma_weights), 1e-300)
-        common[_EXPONENT_FITTED] = luma_weights @ matrix[:3, _EXPONENT_FITTED] / of_luma
+        common[_EXPONENT_FITTED] = float(blocks.curve_slopes.sum()) / max(count, 1e-300)
     bias = slopes @ inverse @ common * min(variance, frame_variance) * count / (common @ coefficients)
     bounds = np.abs(bias)
     estimates = [

@@ -20,6 +20,7 @@ from fedora_qa.estimators.images.event_colours import (
     colour_blocks,
     colour_columns,
     concatenate_colours,
+    curve_slopes,
     fit_colours,
     nearest_order,
     towards,
@@ -55,7 +56,8 @@ class Levels:
         stored = stored + self.common_noise * rng.normal(size=(2, SAMPLES, 1))
         columns = colour_columns(stored[0], stored[1], self.model, 0.0)
         blocks = np.arange(SAMPLES) * BLOCKS // SAMPLES
-        sums = colour_blocks(np.column_stack([columns, rate]), threshold * events, blocks, BLOCKS)
+        slopes = curve_slopes(stored[0], stored[1])
+        sums = colour_blocks(np.column_stack([columns, rate]), threshold * events, slopes, blocks, BLOCKS)
         return fit_colours(concatenate_colours([sums]), with_exponent=self.model == "linear")
 
 
@@ -134,6 +136,23 @@ def test_errors_that_channels_share_bias_weights_by_their_bound() -> None:
         assert sign * bias == pytest.approx(np.mean([fit.weights[channel].bound for fit in fits]), rel=0.25)
 
 
+@pytest.mark.parametrize("common_dn", [3.0, 10.0])
+def test_errors_that_channels_share_bias_the_exponent_by_their_bound(common_dn: float) -> None:
+    """They flatten the signal, and bend it where it is dark: by as much as is stated, to first order."""
+    fits = [Levels("linear", common_noise=common_dn, seed=seed).fit() for seed in range(40)]
+    bias = np.mean([fit.exponent.value for fit in fits]) - 1.0
+    error = np.mean([fit.exponent.standard_error for fit in fits]) / np.sqrt(40)
+    assert bias == pytest.approx(np.mean([fit.exponent.bound for fit in fits]), abs=4 * error, rel=0.3)
+
+
+@given(st.floats(20.0, 250.0), st.floats(20.0, 250.0), st.floats(20.0, 250.0))
+def test_slopes_are_those_of_the_bent_luma(red: float, green: float, blue: float) -> None:
+    """The last column changes by the slope where all channels change by as much."""
+    colours = np.array([[red, green, blue]])
+    bent = colour_columns(colours - 0.005, colours + 0.005, "linear", 0.0)[0, 3] / 0.01
+    assert bent == pytest.approx(curve_slopes(colours, colours)[0], abs=1e-6)
+
+
 @given(st.floats(5.0, 250.0), st.floats(-14.0, 2.0), st.sampled_from([-1.0, 1.0]))
 @example(first_dn=100.0, power=-3.0, sign=1.0)
 def test_columns_of_a_log_sensor_add_up_to_its_signal(first_dn: float, power: float, sign: float) -> None:
@@ -148,10 +167,10 @@ def test_columns_of_a_log_sensor_add_up_to_its_signal(first_dn: float, power: fl
 def test_blocks_without_samples_are_left_out() -> None:
     """A quarter of the image that shows nothing is no block."""
     columns = np.random.default_rng(0).normal(size=(100, 5))
-    sums = colour_blocks(columns, columns @ np.ones(5), np.zeros(100, np.intp), 4)
+    sums = colour_blocks(columns, columns @ np.ones(5), np.zeros(100), np.zeros(100, np.intp), 4)
     assert len(concatenate_colours([sums, sums])) == 2
     # A quarter of the image without events tells that nothing changes there.
-    still = colour_blocks(columns, np.zeros(100), np.zeros(100, np.intp), 4)
+    still = colour_blocks(columns, np.zeros(100), np.zeros(100), np.zeros(100, np.intp), 4)
     assert len(concatenate_colours([still])) == 1
 
 
