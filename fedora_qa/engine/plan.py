@@ -57,10 +57,10 @@ class EffortLevel:
 
 EFFORTS: Final[Mapping[Effort, EffortLevel]] = MappingProxyType(
     {
-        "quick": EffortLevel(0.1, Sampling(tile_share=0.05, field_stride=1)),
-        "standard": EffortLevel(0.25, Sampling(tile_share=0.1, field_stride=1)),
-        "full": EffortLevel(1.0, Sampling(tile_share=0.25, field_stride=1)),
-        "exhaustive": EffortLevel(1.0, Sampling(tile_share=1.0, field_stride=1)),
+        "quick": EffortLevel(0.1, Sampling(tile_share=0.05)),
+        "standard": EffortLevel(0.25, Sampling(tile_share=0.1)),
+        "full": EffortLevel(1.0, Sampling(tile_share=0.25)),
+        "exhaustive": EffortLevel(1.0, Sampling(tile_share=1.0)),
     }
 )
 

@@ -71,14 +71,11 @@ class Sampling:
     ----------
     tile_share
         Share of image tiles that dense checks measure, 0 to 1.
-    field_stride
-        Step between the measured flow fields of a rate.
     features
         Whether dear features of deviations are measured, by which causes are proposed. A trial of a cause needs none.
     """
 
     tile_share: float = 1.0
-    field_stride: int = 1
     features: bool = True
 
 

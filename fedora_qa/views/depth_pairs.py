@@ -196,8 +196,7 @@ def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
     before = max(start - 1, 0)
     track = pose_track(window, facts.declared.cameras["depth"])
     for first, second in pairwise(rows[before:stop].tolist()):
-        wanted = first % window.sampling.field_stride == 0
-        if wanted and all(has_static_depth(window, frame) for frame in (first, second)):
+        if all(has_static_depth(window, frame) for frame in (first, second)):
             pair = pair_between(window, track, first, second)
             yield pair
             if pair is not None:

@@ -2,7 +2,6 @@
 
 import json
 from concurrent.futures import Future
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from fedora_qa.engine.executors.executor import FINISH_FILE, MEASURE_WINDOWS, TR
 from fedora_qa.engine.executors.processes import ProcessExecutor
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.plan import EFFORTS, FEWEST_WINDOWS
+from fedora_qa.engine.plan import FEWEST_WINDOWS
 from fedora_qa.engine.progress import Progress, ProgressTally
 from fedora_qa.errors import WorkerLostError
 from fedora_qa.record.types import Coverage
@@ -163,7 +162,7 @@ class Denser(Slow):
 
     def update(self, state: list[int], window: Window) -> None:
         """Take as long as the density asks for."""
-        CLOCK.now += {3: 0.0, 2: 0.5, 1: 2.0}[window.sampling.field_stride]
+        CLOCK.now += {0.05: 0.0, 0.1: 0.5, 0.25: 2.0}[window.sampling.tile_share]
         super().update(state, window)
 
 
@@ -175,13 +174,8 @@ def test_the_densest_with_which_all_windows_fit(
 ) -> None:
     """Density is bought only where it costs no window; what it is tried with never makes the run late."""
     replace_checks(monkeypatch, Denser())
-    # In frames as small as these the efforts look at all places alike: told apart by fields, each is tried in its turn.
-    strides = {"quick": 3, "standard": 2}
-    told_apart = {
-        effort: replace(level, sampling=replace(level.sampling, field_stride=strides.get(effort, 1)))
-        for effort, level in EFFORTS.items()
-    }
-    monkeypatch.setattr("fedora_qa.engine.plan.EFFORTS", told_apart)
+    # In frames as small as these all efforts look at as many places, unless their shares of the image count alone.
+    monkeypatch.setattr("fedora_qa.engine.plan._FEWEST_PLACES", 0)
     run = run_of(many_windows, budget_s)
     assert f"at the density of {reached}, with " in run.reached
     assert slow.now - 100.0 <= budget_s

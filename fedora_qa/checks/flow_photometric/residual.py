@@ -159,9 +159,6 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
         without_frames = 0
         for stream in window.facts.flow_streams:
             for interval in owned_intervals(window, stream):
-                # Strides count from the first row of the file, so that the sample does not depend on the windows.
-                if interval.row % window.sampling.field_stride:
-                    continue
                 frames = frame_pair(window, optics, interval)
                 measured = measure_field(frames, interval, window.sampling.tile_share) if frames else None
                 without_frames += frames is None
