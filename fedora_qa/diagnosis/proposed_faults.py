@@ -270,7 +270,10 @@ def _pixel_shift(fit: FittedCause) -> Faults:
 def _thresholds(fit: FittedCause) -> Faults:
     result = fit.results.get("event_response.threshold")
     # Measured: 100 (fitted / declared - 1). The cause: declared over true, less 1.
-    on, off = (100 * (1 / (1 + deviation(result, f"threshold_{sign}") / 100) - 1) for sign in ("on", "off"))
+    ratios = [1 + deviation(result, f"threshold_{sign}") / 100 for sign in ("on", "off")]
+    if min(ratios) <= 0:
+        return  # what fits another cause best may have a sign that no threshold has
+    on, off = (100 * (1 / ratio - 1) for ratio in ratios)
     if on or off:
         yield declarations.ThresholdMisdeclared(on, off)
 

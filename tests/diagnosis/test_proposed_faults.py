@@ -170,6 +170,12 @@ def test_thresholds_are_those_that_were_fitted() -> None:
     assert fault.off_percent == pytest.approx(25.0)  # type: ignore[attr-defined]
 
 
+def test_no_threshold_has_the_sign_that_a_fit_of_another_cause_has() -> None:
+    """A fit that is -0.3 of the declared threshold is 130% too small, and none is undone."""
+    fitted = dict([result("event_response.threshold", threshold_on=-130.0, threshold_off=4.0)])
+    assert not list(faults_for("threshold_misdeclared", "events", 2.0, (), fitted, facts_of(memory_sequence())))
+
+
 def test_a_shift_of_colour_is_in_its_own_pixels() -> None:
     """Events lie 5 px right and 10 px up of frames whose pixels are finer by 10.39 to 8.66: 6 px, and 12 px."""
     shifted = dict([result("event_response.alignment", shift_right=5.0, shift_down=-10.0)])
