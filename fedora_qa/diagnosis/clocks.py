@@ -20,7 +20,7 @@ from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import FRAMES_OF_MAP
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import Facts, StrayEvents
 from fedora_qa.views.clock_resets import ClockReset, tick_factor, unit_factor
 
 _NOMINAL: Final = 1e-4
@@ -159,6 +159,9 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     for feature in statistic.features:
         if isinstance(feature, PartInOtherUnit):
             hypotheses.append(_of_part(stream, feature))
+        if isinstance(feature, StrayEvents):
+            stray = support("clocks.stray_events")
+            hypotheses.append(Hypothesis("time_offset", stream, stray, feature.distance_ns / NS_PER_MS, "ms"))
         if isinstance(feature, FewSamples):
             lost = support("clocks.few_samples")
             if not feature.samples:

@@ -36,7 +36,7 @@ from fedora_qa.faults.fault import Matrix3, RowRange
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import Facts, StrayEvents
 from fedora_qa.views.flow_conventions import ConventionTrial
 
 _FOLLOWS: Final = 0.98
@@ -153,6 +153,8 @@ def _delayed_frames(fit: FittedCause) -> Faults:
 
 
 def _clock_shift(fit: FittedCause) -> Faults:
+    if any(isinstance(feature, StrayEvents) for alarm in fit.alarms for feature in alarm.statistic.features):
+        return  # which time single events had is unknown, and all others have theirs
     yield from _delayed_frames(fit)
     part = _displaced_part(fit)
     if part is not None and not part.drift and abs(part.offset_ns) > _ROUNDINGS * NS_PER_US:

@@ -261,7 +261,9 @@ def contradicts(
         return is_of_steps or all(_passed(results.get(check)) for check in _IN_ORDER[cause, family])
     if family == "flow" and cause in _OF_FLOW and magnitude is not None:
         return _frames_contradict(cause, stream, magnitude, results.get("flow_photometric.residual"))
-    if (cause, family) in _MEASURED and magnitude is not None:
+    # Few events of another time leave what is measured of all as it is.
+    are_strays = _has_finding(results.get("clocks.span"), "clocks.span.far") and family == "events"
+    if (cause, family) in _MEASURED and magnitude is not None and not are_strays:
         check, name = _MEASURED[cause, family]
         result = results.get(check)
         measurement = measured(result, name)

@@ -28,7 +28,7 @@ from fedora_qa.evidence.worst_locations import images_of, keep_worst_locations
 from fedora_qa.judgement.judge import judge
 from fedora_qa.judgement.materiality import materiality_of
 from fedora_qa.judgement.places import join_places
-from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of
+from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, uncompared_streams, verdict_of
 from fedora_qa.layout.canonical import FRAMES_OF_MAP
 from fedora_qa.record.evidence import AGREEMENT, named
 from fedora_qa.record.types import CHECK_SECONDS, Canary, FileRecord, Finding, Outcome
@@ -125,7 +125,8 @@ def assemble(
     # The version tag of a file behind a URL, as its partial digest does not cover all bytes.
     if isinstance(survey.path, RemoteFile) and survey.version.tag:
         inferred["storage.version"] = survey.version.tag
-    crossing = crossing_streams({check.name: check.needs for check in survey.checks})
+    needs = {check.name: check.needs for check in survey.checks}
+    crossing = crossing_streams(needs)
     record = FileRecord(
         path=str(survey.path),
         size=survey.version.size,
@@ -140,6 +141,7 @@ def assemble(
         evidence=evidence.titles,
         canaries=canaries,
         comparisons=comparisons_of(results, crossing),
+        uncompared=uncompared_streams(results, needs, facts.streams),
     )
     seconds = watch.seconds | {f"{CHECK_SECONDS}{name}": spent for name, spent in states.seconds.items()}
     decoded_bytes = states.decoded_bytes + ready.decoder.decoded_bytes - decoded_before

@@ -1,7 +1,7 @@
 """Write blocks of rows to the canonical layout, with memory that does not grow with their number."""
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 import h5py
 import numpy as np
@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import FORMAT_NAME, FORMAT_VERSION, R_BODY_OPTICAL
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing.recording import Block, Resolution
-from fedora_qa.layout.canonical import DATASETS, FRAMES_OF_MAP, STREAMS, TIMESTAMPS_OF
+from fedora_qa.layout.canonical import DATASETS, FRAMES_OF_MAP, STREAMS, TIMESTAMPS_OF, UNCALIBRATED
 from fedora_qa.layout.create import create_dataset
 from fedora_qa.layout.direct_chunks import ChunkWriter
-
-UNCALIBRATED: Final = "unknown"
-"""Camera model of a recording without calibration: every check that projects is not applicable."""
 
 
 class GrowingDataset:

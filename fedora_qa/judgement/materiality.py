@@ -13,6 +13,8 @@ from importlib import resources
 from math import isfinite
 from typing import Any, Final, Literal
 
+import numpy as np
+
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.sequence.facts import Facts, has_place
 
@@ -122,12 +124,9 @@ class Materiality:
 
 def materiality_of(profile: Profile, facts: Facts) -> Materiality:
     """Return the material sizes of a file under a profile."""
-    # A timestamp without a place in time, such as NaN, makes no file longer.
+    # A timestamp without a place in time, such as NaN, makes no stream longer, and one stream makes no file longer.
     placed_ns = [clock.times_ns[has_place(clock.times_ns)] for clock in facts.clocks.values()]
-    firsts_ns = [int(times_ns.min()) for times_ns in placed_ns if len(times_ns)]
-    lasts_ns = [int(times_ns.max()) for times_ns in placed_ns if len(times_ns)]
-    if facts.events is not None and facts.events.count:
-        firsts_ns.append(facts.events.first_ns)
-        lasts_ns.append(facts.events.last_ns)
-    duration_ns = max(lasts_ns, default=0) - min(firsts_ns, default=0)
-    return Materiality(profile, duration_ns / NS_PER_S)
+    durations_ns = [float(np.ptp(times_ns)) for times_ns in placed_ns if len(times_ns)]
+    if not durations_ns and facts.events is not None and facts.events.count:
+        durations_ns = [float(facts.events.last_ns - facts.events.first_ns)]
+    return Materiality(profile, float(np.median(durations_ns)) / NS_PER_S if durations_ns else 0.0)

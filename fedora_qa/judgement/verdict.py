@@ -2,13 +2,14 @@
 
 Two more places make a verdict ``incomplete``: ``engine/outcomes.py``, where nothing could be measured (no known
 layout, a lost worker), and ``cli/check.py``, where the file changed. ``gating/verdict.py`` judges a release. This
-file imports the record alone, because options load it without the code that judges.
+file imports no code that judges, because options load it without.
 """
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Final
 
+from fedora_qa.causes import stream_family
 from fedora_qa.record.types import FileRecord, Result, Verdict
 from fedora_qa.record.wording import SHORT_OF_COVERAGE
 
@@ -20,6 +21,10 @@ INDEX_MAPS: Final = "index_maps."
 """Start of the names of the checks that compare an index map with the timestamps that it was made from."""
 
 
+_OF_VALUES: Final = frozenset({"rgb", "depth", "events", "flow", "imu", "pose"})
+"""Streams of values, which other streams confirm or contradict."""
+
+
 def crossing_streams(needs: Mapping[str, Collection[str]]) -> frozenset[str]:
     """Return the names of the checks that compare streams with each other, by the streams that each check needs."""
     return frozenset(check for check, streams in needs.items() if len(streams) > 1)
@@ -28,6 +33,34 @@ def crossing_streams(needs: Mapping[str, Collection[str]]) -> frozenset[str]:
 def comparisons_of(results: tuple[Result, ...], crossing: frozenset[str]) -> int:
     """Return how many checks compared streams with each other and came to an outcome."""
     return len(_conclusive(results) & crossing)
+
+
+def uncompared_streams(
+    results: tuple[Result, ...], needs: Mapping[str, Collection[str]], streams: Collection[str]
+) -> tuple[str, ...]:
+    """Return the streams of a file that no check compared with another one and came to an outcome.
+
+    Parameters
+    ----------
+    results
+        Results of all checks of the file.
+    needs
+        Streams that each check needs, by its name.
+    streams
+        Of the file; all rates of flow are one stream.
+
+    Returns
+    -------
+    tuple
+        In alphabetical order. An index map repeats timestamps, and compares no stream.
+    """
+    compared = {
+        stream_family(stream)
+        for check in _conclusive(results) & crossing_streams(needs)
+        if not check.startswith(INDEX_MAPS)
+        for stream in needs[check]
+    }
+    return tuple(sorted({stream_family(stream) for stream in streams} & _OF_VALUES - compared))
 
 
 def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict:

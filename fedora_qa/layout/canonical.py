@@ -76,7 +76,8 @@ class DatasetSpec:
 class AttributeSpec:
     """One attribute: the object that carries it, its name, type and whether the format requires it.
 
-    ``opposites`` are texts that mean the opposite of the only choice.
+    ``opposites`` are texts that mean the opposite of the only choice; ``is_open`` allows other texts than the choices,
+    which then say that the check has no model of it.
     """
 
     owner: str
@@ -87,6 +88,7 @@ class AttributeSpec:
     meaning: str
     choices: tuple[str, ...] = ()
     opposites: tuple[str, ...] = ()
+    is_open: bool = False
 
 
 def _flow_datasets(rate: str) -> tuple[DatasetSpec, ...]:
@@ -99,6 +101,12 @@ def _flow_datasets(rate: str) -> tuple[DatasetSpec, ...]:
                     "1 where the pixel shows an object that moves by itself", optional=True),
     )  # fmt: skip
 
+
+PINHOLE: Final = "pinhole"
+"""The camera model by which checks project."""
+
+UNCALIBRATED: Final = "unknown"
+"""Camera model of a recording without calibration: every check that projects is not applicable."""
 
 _DATASETS: Final = (
     DatasetSpec("path/rgb", "rgb", "uint8", ("N", "H_rgb", "W_rgb", 3), "DN", 1, "colour frames, R, G, B"),
@@ -155,7 +163,16 @@ def _camera(name: str) -> tuple[AttributeSpec, ...]:
         AttributeSpec(
             owner, "exposure_us", "float", "us", False, "global exposure centred on the timestamp, 0 by default"
         ),
-        AttributeSpec(owner, "camera_model", "text", "", False, "pinhole by default"),
+        AttributeSpec(
+            owner,
+            "camera_model",
+            "text",
+            "",
+            False,
+            "pinhole by default; of others nothing is projected",
+            (PINHOLE,),
+            is_open=True,
+        ),
         AttributeSpec(
             owner, "distortion_model", "text", "", False, "model of the lens, none by default", DISTORTION_MODELS
         ),
@@ -190,7 +207,8 @@ _ATTRIBUTES: Final = (
     AttributeSpec("metadata/events", "threshold_on", "float", "nat or DN", True, "contrast threshold, brighter"),
     AttributeSpec("metadata/events", "threshold_off", "float", "nat or DN", True, "contrast threshold, darker"),
     AttributeSpec("metadata/events", "log_eps_dn", "float", "DN", False, "L = ln(Y + log_eps_dn), 0 by default"),
-    AttributeSpec("metadata/events", "initial_phase", "text", "", False, "first reference level"),
+    AttributeSpec("metadata/events", "initial_phase", "text", "", False, "first reference level", ("zero", "uniform"),
+                  is_open=True),
     AttributeSpec("metadata/events", "packet_interval_us", "int", "us", False, "0: asynchronous"),
     AttributeSpec("metadata/events", "polarity", "text", "", True, "polarity code", ("1=brighter",),
                   ("0=brighter", "1=darker")),

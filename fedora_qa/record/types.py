@@ -234,6 +234,8 @@ class FileRecord:
     """One for each check, where canaries were asked for."""
     comparisons: int | None = None
     """How many checks that compare streams with each other came to an outcome; None where that was not counted."""
+    uncompared: tuple[str, ...] = ()
+    """Streams that none of these checks compared with another one, in alphabetical order."""
 
 
 @dataclass(frozen=True, slots=True)

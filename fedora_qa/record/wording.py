@@ -176,11 +176,14 @@ def why_incomplete(file: FileRecord) -> str:
 
 
 def basis_of_clean(file: FileRecord) -> str:
-    """Return how many comparisons between streams a clean verdict rests on; empty for any other."""
+    """Return on how many comparisons of streams a clean verdict rests, and which it lacks; empty for any other."""
     if file.verdict != "clean" or file.comparisons is None:
         return ""
     plural = "" if file.comparisons == 1 else "s"
-    return f"clean: rests on {file.comparisons or 'no'} comparison{plural} between streams"
+    basis = f"clean: rests on {file.comparisons or 'no'} comparison{plural} between streams"
+    if not file.uncompared:
+        return basis
+    return f"{basis}; compared with no other stream: {', '.join(file.uncompared)}"
 
 
 def canaries_seen(file: FileRecord) -> str:

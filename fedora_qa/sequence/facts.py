@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
+from fedora_qa.features import Feature
 from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS, INVALID_TIMESTAMP_NS
 from fedora_qa.layout.canonical import in_file_order
 from fedora_qa.layout.resolve import Layout
@@ -105,6 +106,30 @@ class EventStep:
         return self.after_ns - self.before_ns
 
 
+_FAR: Final = 0.5
+"""Share of the duration of the other streams by which stray events lie outside of them, beyond a silence as long. The
+value is not derived: a sensor that runs before the others, or behind them, gives events up to then."""
+
+
+@dataclass(frozen=True, slots=True)
+class StrayEvents(Feature):
+    """Events far from the other streams and from all other events.
+
+    Attributes
+    ----------
+    count
+        Their number.
+    step
+        Between them and the others.
+    distance_ns
+        From the nearest end of the other streams, ns: negative before their begin.
+    """
+
+    count: int
+    step: EventStep
+    distance_ns: float
+
+
 @dataclass(frozen=True, slots=True)
 class EventScan:
     """One pass over the event timestamps.
@@ -146,6 +171,38 @@ class EventScan:
     longest_steps: tuple[EventStep, ...] = ()
     unplaced: int = 0
     first_unplaced: int = -1
+
+    def strays(self, begin_ns: float, finish_ns: float) -> tuple[StrayEvents, ...]:
+        """Return the events that lie far from the other streams, and from all other events.
+
+        Sensors may run before and behind the others, and a still scene gives no events. A silence for half the duration
+        of the other streams, whose far end lies outside of them by as much, is none of a sensor that runs.
+
+        Parameters
+        ----------
+        begin_ns, finish_ns
+            Span of the other streams, ns from the file's origin.
+        """
+        far_ns = _FAR * (finish_ns - begin_ns)
+        strays = []
+        for step in self.longest_steps:
+            before_ns, behind_ns = begin_ns - step.before_ns, step.after_ns - finish_ns
+            is_before = before_ns > behind_ns
+            count = step.row if is_before else self.count - step.row
+            # Most events elsewhere are those of another clock.
+            if step.length_ns >= far_ns and max(before_ns, behind_ns) >= far_ns and 2 * count < self.count:
+                strays.append(StrayEvents(count, step, -before_ns if is_before else behind_ns))
+        return tuple(strays)
+
+    def extent_ns(self, begin_ns: float, finish_ns: float) -> tuple[int, int]:
+        """Return the earliest and the latest timestamp of events that are no strays; parameters as of ``strays``."""
+        first_ns, last_ns = self.first_ns, self.last_ns
+        for stray in self.strays(begin_ns, finish_ns):
+            if stray.distance_ns < 0:
+                first_ns = max(first_ns, stray.step.after_ns)
+            else:
+                last_ns = min(last_ns, stray.step.before_ns)
+        return first_ns, last_ns
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,14 @@ from fedora_qa.causes import allowed
 from fedora_qa.conventions import FORMAT_NAME, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding, canonical_rows, stored_dataset
-from fedora_qa.layout.canonical import ATTRIBUTES, RECTIFY_MAP, AttributeSpec, attributes_of, is_dataset_key
+from fedora_qa.layout.canonical import (
+    ATTRIBUTES,
+    PINHOLE,
+    RECTIFY_MAP,
+    AttributeSpec,
+    attributes_of,
+    is_dataset_key,
+)
 from fedora_qa.layout.decodable import LARGEST_IMAGE_PIXELS
 from fedora_qa.layout.dialect import DEPTH_RANGE, EVENT_MODEL, T_BODY_IMU, UNKNOWN, VERTICAL
 from fedora_qa.layout.external_files import ExternalFiles
@@ -243,7 +250,7 @@ class _Reader:
                 K=given["K"],
                 T_body_camera=given["T_body_camera"],
                 exposure_us=given.get("exposure_us", 0.0),
-                model=given.get("camera_model", "pinhole"),
+                model=given.get("camera_model", PINHOLE),
                 lens=lens,
             )
         return cameras
@@ -419,7 +426,7 @@ def _text(stored: Any, spec: AttributeSpec) -> str:
         # Polarity has the only attribute whose values have an opposite.
         message = f"Expected {spec.choices[0]!r}, got {_shown(text)}, which is the opposite"
         raise MalformedError("polarity_inverted", message, "events")
-    if spec.choices and text not in spec.choices:
+    if spec.choices and text not in spec.choices and not spec.is_open:
         of_flow = (spec.owner, spec.name) == ("metadata/flow", "unit")
         of_another_unit = of_flow and text.strip().lower() not in _OTHER_NAMES_OF_PX
         cause, stream = ("flow_unit", "flow") if of_another_unit else ("unknown", "metadata")
@@ -502,6 +509,10 @@ def _scalar(stored: Any) -> Any:
     return array.reshape(-1)[0] if array.size == 1 else stored
 
 
+LARGEST_THRESHOLD: Final = 255.0
+"""Largest contrast threshold: the range of 8 bits, DN, and more in nat than any light varies by."""
+
+
 def _require_range(value: float, spec: AttributeSpec) -> None:
     cause, stream = _CAUSES_OF_NUMBERS.get(spec.name, ("unknown", "metadata"))
     if spec.name in POSITIVE and value <= 0:
@@ -510,6 +521,9 @@ def _require_range(value: float, spec: AttributeSpec) -> None:
         raise ImpossibleError(cause, f"Expected a number not below 0, got {value}", stream)
     if spec.name != "seed" and (value > LARGEST_NUMBER or 0 < value < LEAST_NUMBER):
         raise MalformedError("unknown", f"Expected 0 or {LEAST_NUMBER:g} to {LARGEST_NUMBER:g}, got {value:g}")
+    if spec.name in {"threshold_on", "threshold_off"} and value > LARGEST_THRESHOLD:
+        reached = f"at most {LARGEST_THRESHOLD:g}, as no change of light reaches more"
+        raise ImpossibleError(cause, f"Expected {reached}, got {value:g}", stream)
     if spec.name in {"width", "height"} and value > MOST_PIXELS_ALONG:
         raise MalformedError("wrong_shape", f"Expected at most {MOST_PIXELS_ALONG} px, got {value}")
 

@@ -5,7 +5,13 @@ from typing import get_args
 
 import pytest
 
-from fedora_qa.judgement.verdict import comparisons_of, crossing_streams, verdict_of, with_required_coverage
+from fedora_qa.judgement.verdict import (
+    comparisons_of,
+    crossing_streams,
+    uncompared_streams,
+    verdict_of,
+    with_required_coverage,
+)
 from fedora_qa.record.types import Outcome, Result, Verdict
 from fedora_qa.record.wording import SHORT_OF_COVERAGE
 from tests.support.all_checks import CHECKS
@@ -70,6 +76,21 @@ def test_comparisons_are_counted() -> None:
     counted = results(first="passed", second="warned", third="failed", fourth="not_observable", own="passed")
     crossing = frozenset({"a.first", "a.second", "a.third", "a.fourth"})
     assert comparisons_of(counted, crossing) == 2
+
+
+def test_streams_that_nothing_compared_are_named() -> None:
+    """An index map compares no stream, a check that came to no outcome neither, and a check of one stream as little."""
+    needs = {
+        "a.first": ("flow", "depth"),
+        "a.second": ("imu", "pose"),
+        "a.own": ("rgb",),
+        "index_maps.rgb": ("rgb_to_event", "rgb", "events"),
+    }
+    counted = results(first="passed", second="not_observable", own="passed")
+    counted += (Result("index_maps.rgb", "passed", ""),)
+    streams = {"flow/10hz", "flow/25hz", "depth", "imu", "pose", "rgb", "events", "rgb_to_event"}
+    assert uncompared_streams(counted, needs, streams) == ("events", "imu", "pose", "rgb")
+    assert uncompared_streams(counted, needs, {"flow/10hz", "depth"}) == ()
 
 
 def test_less_coverage_than_required_is_incomplete() -> None:

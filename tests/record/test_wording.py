@@ -226,6 +226,12 @@ def test_clean_says_what_it_rests_on(comparisons: int | None, said: str) -> None
     assert basis_of_clean(replace(file, verdict="findings")) == ""
 
 
+def test_clean_names_the_streams_that_nothing_compared() -> None:
+    file = replace(file_record(passed()), verdict="clean", comparisons=6, uncompared=("events", "rgb"))
+    said = "clean: rests on 6 comparisons between streams; compared with no other stream: events, rgb"
+    assert basis_of_clean(file) == said
+
+
 def test_an_index_map_alone_is_said_to_be_no_comparison() -> None:
     """An incomplete verdict states what was compared, and why that is not enough."""
     file = replace(file_record(passed()), verdict="incomplete", comparisons=1)

@@ -15,7 +15,7 @@ from fedora_qa.causes import allowed
 from fedora_qa.layout.canonical import ATTRIBUTES, AttributeSpec
 from fedora_qa.layout.resolve import resolve
 from fedora_qa.sequence.declared import Declared, Lens
-from fedora_qa.sequence.read_declared import MalformedError, read_attribute, read_declared
+from fedora_qa.sequence.read_declared import ImpossibleError, MalformedError, read_attribute, read_declared
 from tests.support.handmade import write_handmade
 
 
@@ -225,7 +225,29 @@ def test_any_value_is_read_or_malformed(spec: AttributeSpec, value: Any) -> None
     assert isinstance(
         read, {"text": str, "int": int, "float": float, "pixels": tuple, "numbers": tuple}.get(spec.kind, np.ndarray)
     )
-    assert not spec.choices or read in spec.choices
+    assert not spec.choices or spec.is_open or read in spec.choices
+
+
+@pytest.mark.parametrize(
+    ("stored", "read"),
+    [("Pinhole", "pinhole"), (" PINHOLE", "pinhole"), ("fisheye", "fisheye"), ("unknown", "unknown")],
+)
+def test_camera_models_are_read_in_any_case_and_others_are_kept(stored: str, read: str) -> None:
+    """A name that is not quite that of the pinhole left a camera out of all checks, without a word."""
+    spec = ATTRIBUTES["metadata/cameras/rgb", "camera_model"]
+    with h5py.File("any.h5", "w", driver="core", backing_store=False) as file:
+        file.attrs["camera_model"] = stored
+        assert read_or_refuse(file, spec) == read
+
+
+@pytest.mark.parametrize("value", [255.5, 1e9])
+def test_no_change_of_light_reaches_such_a_threshold(value: float) -> None:
+    spec = ATTRIBUTES["metadata/events", "threshold_on"]
+    with h5py.File("any.h5", "w", driver="core", backing_store=False) as file:
+        file.attrs["threshold_on"] = value
+        refused = read_or_refuse(file, spec)
+    assert isinstance(refused, ImpossibleError)
+    assert (refused.cause, refused.stream) == ("threshold_misdeclared", "events")
 
 
 def ragged(file: h5py.File, holder: h5py.HLObject, name: str) -> None:

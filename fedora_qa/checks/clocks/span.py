@@ -21,7 +21,7 @@ from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS
 from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import Facts, StrayEvents
 
 _LONGEST_PERIOD_NS: Final = NS_PER_S // 10
 """Period that a stream of two samples or fewer may have, ns. No sampled stream of the known datasets is slower than
@@ -126,8 +126,9 @@ class ClocksSpan(FactsCheck):
     Cannot detect
     -------------
     Streams that all begin late or end early together. Events may begin late and end early, because a still scene gives
-    none: it is only required that some of them lie within the span of the other streams. A stream without any event is
-    noted.
+    none: it is required that some of them lie within the span of the other streams, and that none lie far from it
+    beyond a silence. A stream without any event is noted where frames show whether events are due, and is a finding
+    without.
 
     Sources
     -------
@@ -167,7 +168,7 @@ class ClocksSpan(FactsCheck):
         statistics += _of_events(facts, begin, finish) if ends else ()
         failed = {m.where.stream for m in statistics if abs(m.value) > m.model_error_bound}
         notices: list[Notice] = []
-        if facts.events is not None and not facts.events.count:
+        if facts.events is not None and not facts.events.count and "rgb" in facts.clocks:
             message = f"there are no events in {(finish - begin) / NS_PER_S:.3g} s, as in a scene without change"
             notices.append(Notice("clocks.span.no_events", message, Where(stream="events")))
         # Streams whose next sample would have been due before, or at, the instant where half of the streams end.
@@ -232,8 +233,26 @@ def _of_few_samples(facts: Facts, begin: float, finish: float) -> Iterator[Stati
 
 
 def _of_events(facts: Facts, begin: float, finish: float) -> Iterator[Statistic]:
-    """Yield whether all events lie before, or all behind, the other streams: then their clock has another origin."""
-    if facts.events is None or facts.events.count == facts.events.unplaced:
+    """Yield whether all events lie apart from the other streams, some of them far from the rest, or none are there.
+
+    All events before, or behind, the other streams have a clock of another origin.
+    """
+    if facts.events is None:
+        return
+    if "rgb" not in facts.clocks:
+        # Frames show whether light changes; without them no scene is known to be still.
+        lacking = max(FEWEST_TIMESTAMPS - facts.events.count, 0)
+        yield count_of_faults(
+            name="events.few_samples",
+            value=lacking,
+            unit="events",
+            statement=f"events has {facts.events.count or 'no'} row{'' if facts.events.count == 1 else 's'}; the other "
+            f"streams last {(finish - begin) / NS_PER_S:.3g} s.",
+            code="clocks.span.few_samples",
+            where=Where(stream="events"),
+            features=(FewSamples(facts.events.count, 1.0),),
+        )
+    if facts.events.count == facts.events.unplaced:
         return
     first_ns, last_ns = facts.events.first_ns, facts.events.last_ns
     apart_ns = max(begin - last_ns, first_ns - finish)
@@ -246,6 +265,27 @@ def _of_events(facts: Facts, begin: float, finish: float) -> Iterator[Statistic]
         where=Where(stream="events", start_us=facts.to_file_us(first_ns), stop_us=facts.to_file_us(last_ns)),
         features=(StreamEnds(first_ns - begin, finish - last_ns, finish - begin),),
     )
+    if apart_ns <= 0 and facts.declared.kind != "recorded":
+        yield from _of_strays(facts, facts.events.strays(begin, finish))
+
+
+def _of_strays(facts: Facts, strays: Sequence[StrayEvents]) -> Iterator[Statistic]:
+    """Yield the events that lie far from the other streams, and from all other events."""
+    for stray in strays:
+        is_before = stray.distance_ns < 0
+        end, side = ("first", "before") if is_before else ("last", "behind")
+        instant_us = facts.to_file_us(stray.step.before_ns if is_before else stray.step.after_ns)
+        of = f"{stray.count} events lie" if stray.count > 1 else "event lies"
+        yield count_of_faults(
+            name=f"events.{end}_far",
+            value=stray.count,
+            unit="events",
+            statement=f"the {end} {of} {abs(stray.distance_ns) / NS_PER_S:.6g} s {side} the other streams, and "
+            f"{stray.step.length_ns / NS_PER_S:.6g} s from the other events.",
+            code="clocks.span.far",
+            where=Where(stream="events", start_us=instant_us, stop_us=instant_us),
+            features=(stray,),
+        )
 
 
 def _of_ends(

@@ -153,13 +153,13 @@ def clock_set_back(clock: Clock, backward: NDArray[np.intp]) -> ClockSetBack | N
 
 def durations_ns(facts: Facts) -> dict[str, float]:
     """Return the time from first to last timestamp of every stream that has one, the events last."""
-    durations = {
-        stream: float(stop - start)
-        for stream, (start, stop) in ((stream, extent_ns(facts.clocks[stream])) for stream in placed_streams(facts))
-    }
+    extents_ns = {stream: extent_ns(facts.clocks[stream]) for stream in placed_streams(facts)}
     if facts.events is not None and facts.events.count > 1:
-        durations["events"] = float(facts.events.last_ns - facts.events.first_ns)
-    return durations
+        first_ns, last_ns = facts.events.first_ns, facts.events.last_ns
+        if extents_ns:
+            first_ns, last_ns = facts.events.extent_ns(*np.median(list(extents_ns.values()), axis=0).tolist())
+        extents_ns["events"] = first_ns, last_ns
+    return {stream: float(stop - start) for stream, (start, stop) in extents_ns.items()}
 
 
 def reference_duration_ns(facts: Facts, durations: dict[str, float]) -> float | None:

@@ -8,7 +8,7 @@ from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import FORMAT_NAME
 from fedora_qa.features import Feature
-from fedora_qa.layout.canonical import ATTRIBUTES, PROMISED_BY
+from fedora_qa.layout.canonical import ATTRIBUTES, PINHOLE, PROMISED_BY, UNCALIBRATED
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import DeclarationProblem
 from fedora_qa.sequence.facts import Facts
@@ -123,6 +123,13 @@ class MetadataComplete(FactsCheck):
             else:
                 notices.append(Notice(code, text))
         declared = facts.declared
+        for name, camera in declared.cameras.items():
+            if camera.model not in (PINHOLE, UNCALIBRATED):
+                message = (
+                    f"/metadata/cameras/{name} camera_model: Expected {PINHOLE!r}, got {camera.model!r}: no check "
+                    "compares what this camera images with other streams"
+                )
+                notices.append(Notice("metadata.complete.camera_model", message, Where(stream="metadata")))
         light = _light(declared.illumination)
         for name, text in (("sequence", declared.sequence), ("world", declared.world)):
             if light and _light(text) not in {"", light}:

@@ -14,7 +14,7 @@ from fedora_qa.checks.clocks.resolution import ClocksResolution
 from fedora_qa.checks.protocol import FactsCheck
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged, judge
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import EventStep, Facts
 from tests.support.all_checks import CHECKS
 from tests.support.facts import FLOW_PERIODS_NS, MS, PERIODS_NS, clock, exact_facts, with_clock
 
@@ -496,6 +496,53 @@ def test_no_event_at_all_is_noted() -> None:
     assert facts.events is not None
     result = judged("clocks.span", replace(facts, events=replace(facts.events, count=0))).result
     assert (result.outcome, [finding.code for finding in result.findings]) == ("warned", ["clocks.span.no_events"])
+
+
+@pytest.mark.parametrize(("count", "is_few"), [(0, True), (2, True), (3, False)])
+def test_without_frames_no_scene_is_known_to_be_still(count: int, is_few: bool) -> None:
+    """Nothing else would state that a declared stream of events is empty."""
+    facts = exact_facts()
+    assert facts.events is not None
+    alone = replace(facts, clocks={s: c for s, c in facts.clocks.items() if s != "rgb"})
+    alarms = judged("clocks.span", replace(alone, events=replace(facts.events, count=count))).alarms
+    assert [alarm.finding.code for alarm in alarms] == ["clocks.span.few_samples"] * is_few
+
+
+def with_stray(row: int, before_ms: int, after_ms: int) -> Facts:
+    """Events of which those before a row, or from it on, lie elsewhere: between both there is none."""
+    facts = exact_facts()
+    assert facts.events is not None
+    step = EventStep(row, before_ms * MS, after_ms * MS)
+    first_ns, last_ns = min(facts.events.first_ns, before_ms * MS), max(facts.events.last_ns, after_ms * MS)
+    return replace(
+        facts, events=replace(facts.events, first_ns=first_ns, last_ns=last_ns, longest_steps=(step,), count=1000)
+    )
+
+
+@pytest.mark.parametrize(
+    ("row", "before_ms", "after_ms", "is_stray"),
+    [
+        (1, -1_000_000, 4, True),  # one absurd timestamp, of 2 s
+        (999, 1990, 10**12, True),
+        (50, -1000, 4, True),
+        (950, 1990, 3100, True),
+        (50, -990, 4, False),  # not as far as half of the duration
+        (950, 1990, 2990, False),
+        (50, -1500, -1400, False),  # a sensor that runs before the others
+        (700, 500, 1600, False),  # a silence within
+        (5, 1990, 10**6, False),  # most events lie elsewhere: another clock
+    ],
+)
+def test_events_far_from_all_others_are_strays(row: int, before_ms: int, after_ms: int, is_stray: bool) -> None:
+    """They are counted, and no duration is theirs; recorders begin and end as they like."""
+    facts = with_stray(row, before_ms, after_ms)
+    alarms = judged("clocks.span", facts).alarms
+    assert [alarm.finding.code for alarm in alarms] == ["clocks.span.far"] * is_stray
+    assert not judged("clocks.span", recorded(facts)).alarms
+    if is_stray:
+        assert alarms[0].statistic.value == (row if before_ms < 0 else 1000 - row)
+        assert not judged("clocks.unit", facts).alarms
+        assert [h.cause for h in proposed("clocks.span", facts)] == ["time_offset"]
 
 
 def recorded(facts: Facts) -> Facts:

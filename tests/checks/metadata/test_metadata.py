@@ -330,3 +330,14 @@ def test_a_light_that_contradicts_the_name(
         file.attrs.update({"sequence": sequence, "world": world, "illumination": illumination})
     result = run_check(path, "metadata.complete")
     assert (result.outcome, rules(result)) == (("warned", ["contradiction"]) if contradicts else ("passed", []))
+
+
+@pytest.mark.parametrize(
+    ("model", "noted"), [("pinhole", []), ("PinHole", ["malformed"]), ("fisheye", ["camera_model"]), ("unknown", [])]
+)
+def test_a_camera_model_that_nothing_projects_by_is_noted(path: Path, model: str, noted: list[str]) -> None:
+    """What that camera images is compared with no other stream; an uncalibrated one says so itself."""
+    with h5py.File(path, "r+") as file:
+        file["metadata/cameras/rgb"].attrs["camera_model"] = model
+    result = run_check(path, "metadata.complete")
+    assert (result.outcome, rules(result)) == ("warned" if noted else "passed", noted)
