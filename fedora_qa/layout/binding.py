@@ -21,6 +21,7 @@ from fedora_qa.layout.conversions import Conversion, converted, intervals
 from fedora_qa.layout.decodable import require_sound_blocks, require_sound_chunk, uses_bitshuffle
 from fedora_qa.layout.direct_chunks import StoredChunks
 from fedora_qa.layout.hdf5_objects import READ_ERRORS
+from fedora_qa.layout.members import array_of_members
 from fedora_qa.sources.source import OutsideRows, SourceError
 
 Polarity = Literal["01", "inverted", "plus_minus"]
@@ -68,6 +69,9 @@ class Binding:
     columns
         Which entries of the last axis make the canonical columns, in canonical order; None: all as they are. A
         dataset without that axis counts as having one entry there (a grey image as R, G and B: ``(0, 0, 0)``).
+    members
+        Of a compound type: names of the members that are read, several as entries of a last axis. ``shape`` and
+        ``dtype`` are those of the array that they make. Empty: the type is not compound.
     ns_per_unit
         Nanoseconds in a unit of a timestamp; None for values.
     offset_ns
@@ -96,6 +100,7 @@ class Binding:
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     columns: tuple[int, ...] | None = None
+    members: tuple[str, ...] = ()
     ns_per_unit: int | None = None
     offset_ns: int = 0
     scale: float = 1.0
@@ -115,7 +120,7 @@ class Binding:
     @property
     def is_stored_canonically(self) -> bool:
         """Whether stored values are canonical values, but for the type and the origin of time."""
-        as_it_is = self.columns is None and self.conversion is None and self.scale == 1.0
+        as_it_is = self.columns is None and not self.members and self.conversion is None and self.scale == 1.0
         return as_it_is and self.polarity == "01" and self.ns_per_unit in {None, 1000}
 
     @property
@@ -183,7 +188,9 @@ def raw_rows(
 
 
 def selected_columns(stored: NDArray[Any], binding: Binding) -> NDArray[Any]:
-    """Return stored rows with their columns selected and ordered canonically."""
+    """Return stored rows with their members or columns selected and ordered canonically."""
+    if binding.members:
+        stored = array_of_members(stored, binding.members)
     if binding.columns is None:
         return stored
     rank = len(spec_of(binding.key).shape)
@@ -208,6 +215,9 @@ def _stored_rows(file: h5py.File | None, binding: Binding, start: int, stop: int
     dataset = chunks.dataset
     if chunks.uses_bitshuffle:
         require_sound_blocks(dataset, start, stop)
+    if binding.members:
+        # HDF5 passes over the other members: memory is taken for those that are read alone.
+        return np.asarray(dataset.fields(list(dict.fromkeys(binding.members)))[start:stop])
     if not binding.is_image_as_it_is:
         return np.asarray(dataset[start:stop])
     stored = np.empty((stop - start, *dataset.shape[1:]), dataset.dtype)

@@ -35,6 +35,7 @@ from fedora_qa.layout.dialect import (
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.hdf5_objects import READ_ERRORS, RefusedError, find_dataset, reading
+from fedora_qa.layout.members import MembersForm, form_of_members, listed, require_not_compound
 from fedora_qa.layout.metadata import Supplied, small_values
 from fedora_qa.sources.source import OutsideRows, SourceError
 
@@ -63,9 +64,6 @@ class LayoutProblem:
     message: str
     magnitude: float | None = None
     is_lossless: bool = False
-
-
-_MEMBERS_NAMED: Final = 8
 
 
 class BrokenDatasetError(Exception):
@@ -161,18 +159,23 @@ class DatasetBinder:
                 return self._bind_source(spec, dataset)
             with reading(path):
                 # Header tests come first: no chunk is decoded before its size and filters are known to be safe.
-                _require_readable_type(spec, dataset, path)
-                _require_shape(spec, place, dataset, path)
+                form: h5py.Dataset | MembersForm = dataset
+                if place.members:
+                    form = form_of_members(dataset, place.members, path)
+                    path = f"{path} ({listed(place.members)})"
+                _require_readable_type(spec, form, path)
+                _require_shape(spec, place, form, path)
                 require_filters(dataset, path)
                 require_bounded(spec, dataset, path)
                 require_whole_chunks(dataset, path)
                 binding = Binding(
                     key=spec.key,
-                    path=path,
-                    rows=dataset.shape[0],
-                    shape=dataset.shape,
-                    dtype=dataset.dtype,
+                    path=self.path(spec.key),
+                    rows=form.shape[0],
+                    shape=form.shape,
+                    dtype=form.dtype,
                     columns=_columns(spec, place),
+                    members=place.members,
                     ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_timestamps else None,
                     scale=scale_of(spec.key, place),
                     polarity=place.polarity,
@@ -366,14 +369,9 @@ def _is_signed_polarity(dataset: h5py.Dataset) -> bool:
     return bool(np.any(polarity == -1) and not np.any(polarity == 0))
 
 
-def _require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset | OutsideRows, path: str) -> None:
+def _require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset | OutsideRows | MembersForm, path: str) -> None:
     """Refuse types without a safe conversion: all that are not numbers, and colours that are not 8-bit codes."""
-    if members := dataset.dtype.names:
-        message = (
-            f"Expected {path} as {spec.dtype}, got a compound type of {', '.join(members[:_MEMBERS_NAMED])}, whose "
-            "members are not read; store each member as a dataset of its own"
-        )
-        raise RefusedError("wrong_dtype", "wrong_dtype", message)
+    require_not_compound(dataset.dtype, path, spec.dtype)
     # At most 8 bytes: an extended float does not fit float64 without loss.
     numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None and dataset.dtype.itemsize <= 8
     if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):
@@ -381,7 +379,9 @@ def _require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset | OutsideRow
         raise RefusedError("wrong_dtype", "wrong_dtype", message)
 
 
-def _require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset | OutsideRows, path: str) -> None:
+def _require_shape(
+    spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset | OutsideRows | MembersForm, path: str
+) -> None:
     """Refuse a rank, a fixed size or an empty image that the layout does not have."""
     shape: tuple[int, ...] | None = dataset.shape
     stored = place.stored_shape(spec)

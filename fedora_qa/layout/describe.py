@@ -1,5 +1,6 @@
 """Describe the datasets of a sequence and their paths: the rows of `fedora-qa layout`."""
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -14,6 +15,7 @@ from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, form_of
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.hdf5_objects import text_attribute, walk
+from fedora_qa.layout.members import listed
 from fedora_qa.layout.resolve import Layout
 
 _CONVERSIONS: Final[Mapping[ConversionName, str]] = {
@@ -72,7 +74,7 @@ class Description:
     absent
         Each stream that is not there or not whole, and why.
     unused
-        Datasets of the file, or files of the folder, for which the dialect has no place.
+        Datasets of the file, members of its compound types, or files of the folder, for which the dialect has no place.
     unseen
         What the search for them left out, and why; empty where it left out nothing.
     problems
@@ -99,6 +101,16 @@ def describe(file: h5py.File | OpenFolder, layout: Layout, external_files: Exter
     else:
         used, walked = {binding.path for binding in layout.bindings.values()}, walk(file)
         unused, unseen = tuple(path for path in walked.paths if path not in used), walked.unseen
+        members: dict[str, set[str]] = defaultdict(set)
+        for binding in layout.bindings.values():
+            if binding.members and binding.source is None:
+                members[binding.path] |= set(binding.members)
+        unused += tuple(
+            f"{name} of {path}"
+            for path, names in members.items()
+            for name in file[path].dtype.names
+            if name not in names
+        )
     rows: list[DatasetRow] = []
     for binding in layout.bindings.values():
         dataset: h5py.Dataset | None = None
@@ -112,6 +124,8 @@ def describe(file: h5py.File | OpenFolder, layout: Layout, external_files: Exter
         if binding.outside is not None:
             codec = form_of(binding.path)
         steps: list[str] = []
+        if binding.members:
+            steps.append(f"{listed(binding.members)} of a compound type".removeprefix("the "))
         if binding.columns is not None:
             steps.append(f"columns {', '.join(map(str, binding.columns))} of the last axis")
         if binding.ns_per_unit is not None and binding.ns_per_unit != NS_PER_TIME_UNIT["us"]:

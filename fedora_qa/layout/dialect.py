@@ -144,6 +144,9 @@ class DatasetPlace:
     columns
         Entries of the last axis that make the canonical columns, in canonical order; those of a quaternion in the order
         that ``quaternion`` states; empty: all.
+    members
+        Of a dataset of a compound type: names of the members that are read; several are the entries of the last axis,
+        of which ``columns`` may choose. Empty: the type is not compound.
     time_unit
         Unit of timestamps.
     offset_path
@@ -175,6 +178,7 @@ class DatasetPlace:
     file: str = ""
     path: str = ""
     columns: tuple[int, ...] = ()
+    members: tuple[str, ...] = ()
     time_unit: Literal["s", "ms", "us", "ns"] = "us"
     offset_path: str = ""
     value_unit: str = ""
@@ -376,7 +380,7 @@ def _packaged(document: dict[str, Any]) -> Dialect:
     """Return a dialect of the package, which tests validate."""
     document = _spelt_out(document)
     datasets = {
-        key: DatasetPlace(**{**place, "columns": tuple(place.get("columns", ()))})
+        key: DatasetPlace(**place | {name: tuple(place.get(name, ())) for name in ("columns", "members")})
         for key, place in document.get("datasets", {}).items()
     }
     metadata = {key: _packaged_declaration(value) for key, value in document.get("metadata", {}).items()}
@@ -446,6 +450,10 @@ def _require_consistent(dialect: Dialect) -> None:
         if role not in dialect.files and (role or dialect.files):
             roles = ", ".join(dialect.files) or "no role, as the dialect has no [files]"
             raise MisuseError(f"{where}: Expected file to be a role of [files] ({roles}), got {role!r}")
+    for key, place in dialect.datasets.items():
+        if place.members and place.file and (form := form_of(dialect.files[place.file][0])) != "hdf5":
+            message = f"Expected members of a compound type in HDF5, got a role of {form}; use columns"
+            raise MisuseError(f"datasets.{key}.members: {message}")
 
 
 def _require_known(metadata: Mapping[str, Declaration]) -> None:

@@ -5,11 +5,9 @@ folders (``draft_folder``) are made here as well.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
-from math import prod
-from typing import Any, Final
+from typing import Final
 
 import h5py
 import hdf5plugin  # noqa: F401  the import registers the Blosc codec with HDF5
@@ -26,21 +24,8 @@ from fedora_qa.layout.canonical import (
     in_file_order,
     spec_of,
 )
-from fedora_qa.layout.decodable import require_filters, require_sound_blocks
-from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, Form
-from fedora_qa.layout.hdf5_objects import READ_ERRORS, RefusedError, walk
-from fedora_qa.layout.metadata import small_values
-
-Fields = dict[str, str | float | list[int]]
-"""Keys of a dataset's place in a dialect, and their values."""
-
-HEAD_ROWS: Final = 256
-"""Rows that are read to guess what a dataset holds."""
-
-_IMAGE_ROWS: Final = 1
-
-_MOST_HEAD_BYTES: Final = 512 << 20
-"""Largest decoded size of the first rows. Datasets beyond it could not be checked, and are left out."""
+from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
+from fedora_qa.layout.inventory import Fields, StoredObject, take_inventory
 
 _EPOCH_S: Final = (1e9, 1e10)
 """Seconds since 1970 of timestamps between 2001 and 2286."""
@@ -81,50 +66,17 @@ _CAMERAS: Final = {
 }
 """Words in the path of a camera by which it is known, and in that of its matrix."""
 
+_EVENT_NAMES: Final = {
+    "x": ("x", "xs"),
+    "y": ("y", "ys"),
+    "t": ("t", "ts", "timestamp", "timestamps", "time"),
+    "p": ("p", "ps", "pol", "polarity", "polarities", "on"),
+}
+"""Names of the parts of events, in lower case, the usual one first."""
+
+
 # One hint suffices to prefer a dialect; the second covers a file that lacks the first dataset.
-_MEMBERS_NAMED: Final = 8
 _MOST_HINTS = 2
-
-
-@dataclass(frozen=True, slots=True)
-class StoredObject:
-    """A dataset of numbers, with its first rows (of images: its first).
-
-    ``path`` is that of a dataset, or the name or pattern of files in a folder. ``role`` is that of the file, and
-    ``form`` its format.
-    """
-
-    path: str
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    head: NDArray[Any]
-    role: str = ""
-    form: Form = "hdf5"
-    member: str = ""
-
-    @property
-    def place(self) -> Fields:
-        """Where it lies, as fields of ``dialect.DatasetPlace``."""
-        of_role: Fields = {"file": self.role} if self.role else {}
-        path = self.path if self.form == "hdf5" else self.member
-        return {**of_role, "path": path} if path else of_role
-
-    @property
-    def first_column(self) -> NDArray[np.float64] | None:
-        """The first rows as one number each, of text those of the first column; None for other datasets."""
-        if len(self.shape) != 1 and self.form != "text":
-            return None
-        return np.asarray(self.head, np.float64).reshape(len(self.head), -1)[:, 0]
-
-    @property
-    def name(self) -> str:
-        """Last part of the path, in lower case."""
-        return self.path.rsplit("/", 1)[-1].lower()
-
-    @property
-    def group(self) -> str:
-        """The path without its last part."""
-        return self.path.rpartition("/")[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +117,7 @@ def draft_dialect(file: h5py.File, name: str) -> str:
     paths = list(dict.fromkeys(str(guess.fields["path"]) for guess in ordered if guess.fields["path"] != guess.key))
     for path in paths[:_MOST_HINTS]:
         lines += ["[[hints]]", f"path = {quoted(path)}", ""]
-    lines += [*draft_lines(ordered, items), *compound_lines(file)]
+    lines += draft_lines(ordered, items)
     cameras = camera_lines(item for item in items if item.form == "hdf5")
     lines += ["", "[metadata]", *cameras] if cameras else []
     return "\n".join(lines).rstrip() + "\n"
@@ -182,7 +134,7 @@ def draft_lines(guesses: Sequence[Guess], items: Sequence[StoredObject]) -> list
     """Return the table of datasets, with every guess and its reason, and what nothing was guessed for."""
     lines = ["[datasets]"]
     for guess in guesses:
-        fields = (f"{field} = {quoted(v) if isinstance(v, str) else v}" for field, v in guess.fields.items())
+        fields = (f"{field} = {_toml_value(value)}" for field, value in guess.fields.items())
         lines += [comment(guess.reason), f"{quoted(guess.key)} = {{ {', '.join(fields)} }}"]
     lines.append("")
     keys_guessed = {guess.key for guess in guesses}
@@ -193,7 +145,18 @@ def draft_lines(guesses: Sequence[Guess], items: Sequence[StoredObject]) -> list
         if missing and len(missing) < len(keys):
             lines.append(f"# {stream} cannot be read before there is a place for {', '.join(missing)}.")
     used = {(guess.fields.get("file"), guess.fields.get(name)) for guess in guesses for name in ("path", "offset_path")}
-    unused = [item for item in items if (item.place.get("file"), item.place.get("path")) not in used]
+    used_members = {
+        (guess.fields.get("file"), guess.fields.get("path"), member)
+        for guess in guesses
+        for member in _members_of(guess.fields)
+    }
+    unused: list[StoredObject] = []
+    for item in items:
+        place = item.place.get("file"), item.place.get("path")
+        is_used = any((*place, name) in used_members for name in item.members) if item.members else place in used
+        # A vector is listed by its members.
+        if not is_used and len(item.members) < 2:
+            unused.append(item)
     if unused:
         lines.append("# Nothing was guessed for:")
     return lines + [
@@ -201,25 +164,28 @@ def draft_lines(guesses: Sequence[Guess], items: Sequence[StoredObject]) -> list
     ]
 
 
-def compound_lines(file: h5py.File) -> list[str]:
-    """Return remarks on datasets of compound types, whose members a dialect cannot name."""
-    lines: list[str] = []
-    for path in walk(file).paths:
-        with suppress(RefusedError, *READ_ERRORS):
-            if members := file[path].dtype.names:
-                lines.append(comment(f"  {path}  {', '.join(members[:_MEMBERS_NAMED])}"))
-    heading = "# Members of compound types are not read; store each member as a dataset of its own:"
-    return [heading, *lines] if lines else []
+def _members_of(fields: Fields) -> list[str]:
+    members = fields.get("members")
+    return [str(member) for member in members] if isinstance(members, list) else []
+
+
+def _toml_value(value: str | float | list[int] | list[str]) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml_value, value))}]"
+    return quoted(value) if isinstance(value, str) else str(value)
 
 
 def _path_in_folder(item: StoredObject) -> str:
-    return f"{item.role}: {item.path}" if item.role and item.form == "hdf5" else item.path
+    path = f"{item.members[0]} of {item.path}" if item.members else item.path
+    return f"{item.role}: {path}" if item.role and item.form == "hdf5" else path
 
 
 def camera_lines(items: Iterable[StoredObject]) -> list[str]:
     """Return what may be the matrices of cameras, as remarks where no name identifies the camera."""
     lines: list[str] = []
     for item in items:
+        if item.members:  # declarations are not read from members
+            continue
         is_matrix = item.shape == (3, 3) and item.head[2].tolist() == [0, 0, 1] and item.head[0, 0] > 1
         is_list = item.shape == (4,) and names_intrinsics(item.path)
         if not is_matrix and not is_list:
@@ -242,30 +208,6 @@ def camera_line(path: str, fields: str) -> list[str]:
     if camera:
         return [comment("its name and values"), f'"metadata/cameras/{camera}/K" = {{ {fields} }}']
     return [comment(f'The matrix of a camera, but of which? "metadata/cameras/.../K" = {{ {fields} }}')]
-
-
-def take_inventory(file: h5py.File) -> tuple[StoredObject, ...]:
-    """Return every dataset of numbers of rank 1 or more whose first rows can be read, and scalars that are offsets."""
-    items: list[StoredObject] = []
-    for path in walk(file).paths:
-        with suppress(RefusedError, *READ_ERRORS):
-            dataset = file[path]
-            outside = dataset.is_virtual or dataset.external
-            require_filters(dataset, path)
-            if dataset.shape == () and "offset" in path.lower() and dataset.dtype.kind in "iuf" and not outside:
-                items.append(StoredObject(path, (), dataset.dtype, np.asarray(small_values(dataset, path))))
-                continue
-            numbers = dataset.shape and prod(dataset.shape) and dataset.dtype.kind in "iufb"
-            # Values of virtual and external datasets lie in other files, which a draft may not read.
-            if not numbers or outside:
-                continue
-            rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS
-            # HDF5 decodes whole chunks even for one row.
-            values = max(rows * prod(dataset.shape[1:]), prod(dataset.chunks) if dataset.chunks else 0)
-            if values * dataset.dtype.itemsize <= _MOST_HEAD_BYTES:
-                require_sound_blocks(dataset, 0, rows)
-                items.append(StoredObject(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
-    return tuple(items)
 
 
 def guess_places(items: Sequence[StoredObject]) -> tuple[Guess, ...]:
@@ -324,12 +266,14 @@ def _events_in_columns(items: Sequence[StoredObject]) -> Iterator[Guess]:
 
 
 def _events_apart(items: Sequence[StoredObject]) -> Iterator[Guess]:
-    flat = {(item.role, item.path): item for item in items if len(item.shape) == 1 and item.form == "hdf5"}
+    flat = {(item.role, item.group, item.name): item for item in items if len(item.shape) == 1 and item.form == "hdf5"}
     for x in flat.values():
-        if x.name != "x":
+        if x.name not in _EVENT_NAMES["x"]:
             continue
-        siblings = {name: flat.get((x.role, "/".join(filter(None, (x.group, name))))) for name in "ytp"}
-        y, t, p = siblings["y"], siblings["t"], siblings["p"]
+        y, t, p = (
+            next(filter(None, (flat.get((x.role, x.group, name)) for name in _EVENT_NAMES[part])), None)
+            for part in "ytp"
+        )
         if y is None or t is None or p is None or len({item.shape for item in (x, y, t, p)}) > 1:
             continue
         unit, why = unit_of_timestamps(t.head.astype(np.float64), "events")
@@ -423,6 +367,7 @@ def _samples(items: Sequence[StoredObject]) -> Iterator[Guess]:
         # Unit norm distinguishes quaternions from other tables of four columns.
         elif item.shape[1] == 4 and np.allclose(np.linalg.norm(item.head, axis=1), 1.0, atol=1e-3):
             reason = "four columns of unit length; that the order is x, y, z, w does not follow from the values"
+            reason = "members of unit length, and their names" if len(item.members) > 1 else reason
             guess = Guess("path/pose/orientation", {**item.place, "quaternion": "xyzw"}, reason)
             yield from _with_timestamps(items, item, guess)
 
@@ -488,10 +433,9 @@ def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: G
 def _nearness(timestamps: StoredObject, item: StoredObject) -> tuple[int, int, int]:
     """Return the order of candidates: a name for a time, the common beginning of the paths, the shorter path."""
     named_as_time = any(word in timestamps.name for word in ("ts", "time", "stamp")) or timestamps.name == "t"
-    common = next(
-        (i for i, (a, b) in enumerate(zip(timestamps.path, item.path, strict=False)) if a != b), len(item.path)
-    )
-    return int(named_as_time), common, -len(timestamps.path)
+    first, second = timestamps.address, item.address
+    common = next((i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a != b), len(second))
+    return int(named_as_time), common, -len(timestamps.address)
 
 
 def _polarity(codes: set[float]) -> Fields:

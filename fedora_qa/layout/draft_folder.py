@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,10 +13,7 @@ import numpy as np
 from fedora_qa.errors import FedoraError
 from fedora_qa.layout.dialect import FORMS
 from fedora_qa.layout.draft import (
-    HEAD_ROWS,
-    Fields,
     Guess,
-    StoredObject,
     camera_line,
     camera_lines,
     comment,
@@ -24,9 +22,9 @@ from fedora_qa.layout.draft import (
     in_order,
     names_intrinsics,
     quoted,
-    take_inventory,
     unit_of_timestamps,
 )
+from fedora_qa.layout.inventory import HEAD_ROWS, Fields, StoredObject, take_inventory
 from fedora_qa.layout.metadata import PINHOLE
 from fedora_qa.sources.arrays import npy_array, npy_frames, npz_array, npz_names
 from fedora_qa.sources.images import images_of, numbers_of
@@ -134,7 +132,7 @@ def _inventory(folder: Path, role: str, paths: list[Path]) -> Iterator[StoredObj
         require_signature(paths[0])
         with closing(h5py.File(paths[0], "r", locking="best-effort")) as file:
             for item in take_inventory(file):
-                yield StoredObject(item.path, item.shape, item.dtype, item.head, role)
+                yield replace(item, role=role)
         return
     names = [path.name for path in paths]
     sources: list[tuple[str, OutsideRows | None]] = []

@@ -25,6 +25,7 @@ from fedora_qa.layout.canonical import ATTRIBUTES, spec_of
 from fedora_qa.layout.conversions import MAP_DEFINITIONS
 from fedora_qa.layout.decodable import require_sound_blocks
 from fedora_qa.layout.hdf5_objects import READ_ERRORS, walk
+from fedora_qa.layout.members import array_of_members, put_members
 from fedora_qa.layout.metadata import Supplied
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Declared
@@ -113,19 +114,25 @@ def require_whole(file: h5py.File) -> None:
 def require_known_rows(file: h5py.File, layout: Layout, streams: Collection[str]) -> None:
     """Raise ``NotRepairableError`` where rows move and no dialect describes what belongs to them.
 
-    These are further columns of its tables, and datasets beside its own that have as many rows; they would stay.
+    These are further columns or members of its tables, and datasets beside its own that have as many rows; they would
+    stay.
     """
     own = [binding for key, binding in layout.bindings.items() if spec_of(key).stream in streams]
     unknown = []
-    columns: dict[str, set[int]] = defaultdict(set)
+    columns: dict[tuple[str, tuple[int, ...]], set[int]] = defaultdict(set)
+    members: dict[str, set[str]] = defaultdict(set)
     for binding in own:
         if binding.columns is not None:
-            columns[binding.path] |= set(binding.columns)
-    for path, places in columns.items():
+            columns[binding.path, binding.shape] |= set(binding.columns)
+        if binding.members:
+            members[binding.path] |= set(binding.members)
+    for (path, shape), places in columns.items():
         # A grey image, which has no axis of columns, is read three times.
-        shape = file[path].shape
         if len(places) < shape[-1] and not (len(places) == 1 and len(shape) == 3):
             unknown.append(f"further columns of {path}")
+    for path, names in members.items():
+        if further := [name for name in file[path].dtype.names if name not in names]:
+            unknown.append(f"{further[0]} of {path}")
     bound = {binding.path for binding in layout.bindings.values()}
     own_places = {(binding.path.rpartition("/")[0], binding.rows) for binding in own}
     for path in walk(file).paths:
@@ -286,14 +293,17 @@ def replace_values(stored: NDArray[Any], binding: Binding, canonical: NDArray[An
     changed = canonical[~same]
     converted = current.copy()
     converted[~same] = _converted(changed, binding, origin_ns)
+    table = array_of_members(stored, binding.members) if binding.members else stored
     if binding.columns is None:
-        stored[...] = converted
+        table[...] = converted
     elif len(spec_of(binding.key).shape) == 1:
-        stored[:, binding.columns[0]] = converted
-    elif stored.ndim < len(spec_of(binding.key).shape):
-        stored[...] = converted[..., 0]  # a grey image: one channel, read three times
+        table[:, binding.columns[0]] = converted
+    elif table.ndim < len(spec_of(binding.key).shape):
+        table[...] = converted[..., 0]  # a grey image: one channel, read three times
     else:
-        stored[..., list(binding.columns)] = converted
+        table[..., list(binding.columns)] = converted
+    if binding.members:
+        put_members(stored, binding.members, table)
     # The proof of the inverse is that what is read is what was to be read.
     read = canonical_values(selected_columns(stored, binding), binding, origin_ns)[~same]
     if not np.all(_near(read, changed, binding)):

@@ -334,6 +334,8 @@ class _Reader:
         """Return the label ``units`` of each dataset that carries one."""
         labels: dict[str, str] = {}
         for key, binding in self.layout.bindings.items():
+            if binding.members:  # the label is that of all members, which have several units
+                continue
             # A label that cannot be read counts as absent.
             with suppress(*READ_ERRORS):
                 file = self._holding(binding)

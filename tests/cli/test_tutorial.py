@@ -40,8 +40,6 @@ def test_the_tutorial(fedora_qa: Command, tmp_path: Path, monkeypatch: pytest.Mo
         match block["language"], block["title"]:
             case "toml", None:
                 assert block["text"] in Path("mine.toml").read_text(encoding="utf-8")
-            case "toml", "at the end of mine.toml":
-                Path("mine.toml").write_text(Path("mine.toml").read_text(encoding="utf-8") + block["text"], "utf-8")
             case "toml", name:
                 Path(name).write_text(block["text"], encoding="utf-8")
             case "console", _:
