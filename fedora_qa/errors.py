@@ -7,6 +7,7 @@
     │   ├── NotHdf5Error       the path exists and does not begin like HDF5
     │   └── StorageError       a file behind a URL cannot be read, or was changed meanwhile
     ├── UnreadableFileError    an HDF5 signature, and it cannot be opened (a finding, not misuse)
+    ├── UnrecognisedError      no dialect describes anything in a file or folder (incomplete: nothing is measured)
     ├── UnreadableRowsError    some rows of one dataset cannot be decoded (a finding; the rest goes on)
     ├── NotRepairableError     a file cannot be repaired, or its copy would not be better (nothing is written)
     └── WorkerLostError        the process that did a task died (the task is done again; the rest goes on)
@@ -49,6 +50,10 @@ class StorageError(MisuseError):
 
 class UnreadableFileError(FedoraError):
     """The file has an HDF5 signature and cannot be opened: truncated or corrupt."""
+
+
+class UnrecognisedError(FedoraError):
+    """No dialect describes anything in a file or folder; the message has the command that drafts one."""
 
 
 class UnreadableRowsError(FedoraError):

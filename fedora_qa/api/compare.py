@@ -94,7 +94,7 @@ def compare(
     MisuseError
         Fewer than two paths, one that is missing or given twice, no HDF5 and no record, or an illegal option.
     FedoraError
-        A file cannot be opened.
+        A file cannot be opened, or no dialect describes it.
     """
     if not 0 < false_alarm_rate < 1:
         raise MisuseError(

@@ -87,7 +87,7 @@ def score(
     MisuseError
         A path that is missing or not HDF5, predictions that cannot be read or do not fit, or an illegal option.
     FedoraError
-        The sequence cannot be opened or decoded.
+        The sequence cannot be opened or decoded, or no dialect describes it.
     """
     require_choice("form", form, get_args(PredictionsForm))
     paths = Path(predictions), Path(sequence)

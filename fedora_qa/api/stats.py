@@ -85,13 +85,13 @@ def stats(
     MisuseError
         No path, one that is missing, given twice or not HDF5, or an illegal option.
     FedoraError
-        A file cannot be opened.
+        A file cannot be opened, or no dialect describes it.
     """
     if not paths:
         raise MisuseError("Expected at least one file to measure, got none")
     external = folder_texts(allow_external) or ()
     reading = reading_of(path_text(dialect), path_text(metadata), memory, external, in_process=not apart)
-    sequences = sequences_of([Path(path) for path in paths], reading.dialect, needs_rows=True)
+    sequences = sequences_of([Path(path) for path in paths], reading.dialect)
     return MeasuredStatistics(
         {str(path): measured_file(path, reading).statistics for path in sequences if isinstance(path, Path)}
     )

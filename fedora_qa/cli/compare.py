@@ -34,11 +34,13 @@ from fedora_qa.comparison.tables import (
     tables_to_latex,
 )
 from fedora_qa.comparison.types import COMPARISON, Design
-from fedora_qa.errors import MisuseError
+from fedora_qa.errors import MisuseError, UnrecognisedError
 from fedora_qa.layout.dialect import Dialect, split_choice
 from fedora_qa.layout.folder import is_sequence
 from fedora_qa.record.evidence import MOMENTS, TRAJECTORY
 from fedora_qa.record.json_io import read_record
+from fedora_qa.record.wording import not_recognised
+from fedora_qa.storage.folder import list_files
 
 _RECORD: Final = ".json"
 
@@ -112,8 +114,9 @@ def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[S
     Raises
     ------
     MisuseError
-        There are fewer than two paths, one is missing or given twice, a file is no sequence, or a folder holds neither
-        sequences nor records.
+        There are fewer than two paths, one is missing or given twice, a file is no sequence, or a folder is empty.
+    UnrecognisedError
+        A folder holds neither sequences nor records.
     """
     if len(paths) < 2:
         raise MisuseError(f"Expected two or more subjects to compare, got {len(paths)}")
@@ -134,6 +137,8 @@ def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[S
         )
         # Only a record with its arrays: distributions cannot be compared without them, and other JSON is no record.
         records = tuple(entry for entry in inside if entry.suffix.lower() == _RECORD and arrays_beside(entry).is_file())
+        if not sequences and not records and list_files(path):
+            raise UnrecognisedError(f"{not_recognised(path)}; it holds no records with their arrays either")
         if not sequences and not records:
             raise MisuseError(f"Expected sequences (.h5) or records with their arrays in {path}, got neither")
         sources.append(Source(path, sequences or records, not sequences))

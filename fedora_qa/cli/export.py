@@ -10,11 +10,11 @@ from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.executors.executor import Task, Worker, opening_test
-from fedora_qa.errors import MisuseError, UnreadableRowsError
+from fedora_qa.errors import MisuseError, UnreadableRowsError, UnrecognisedError
 from fedora_qa.exporting.dsec import write_dsec
 from fedora_qa.exporting.tum import write_tum
 from fedora_qa.layout.dialect import DialectChoice, load_choice
-from fedora_qa.record.wording import unobeyed
+from fedora_qa.record.wording import not_recognised, unobeyed
 from fedora_qa.sequence.sequence import open_sequence
 
 
@@ -46,6 +46,8 @@ def _export(
     """Write a sequence in the layout of a name, and return the number of rows by stream."""
     try:
         with open_sequence(source, dialect) as sequence:
+            if not sequence.layout.is_recognised:
+                raise UnrecognisedError(not_recognised(source))
             return write_tum(sequence, output) if form == "tum" else write_dsec(sequence, output, worker.progress)
     except UnreadableRowsError as error:
         raise MisuseError(f"{error}: {source}; check the file first, and repair it or cut out a part") from error

@@ -21,7 +21,7 @@ _DEEPEST: Final = 8
 """Folders within folders in which sequences are looked for."""
 
 
-def sequences_of(places: Sequence[Place], choice: "DialectChoice", *, needs_rows: bool = False) -> tuple[Place, ...]:
+def sequences_of(places: Sequence[Place], choice: "DialectChoice") -> tuple[Place, ...]:
     """Return the sequences that arguments name.
 
     A folder that fits a dialect with files is one sequence. Of another folder, every sequence below it is meant:
@@ -32,18 +32,16 @@ def sequences_of(places: Sequence[Place], choice: "DialectChoice", *, needs_rows
     ----------
     choice
         How the sequences are read.
-    needs_rows
-        Whether a folder that fits no dialect is of no use.
 
     Raises
     ------
     MisuseError
-        A path is missing, given twice, or not HDF5; or a folder can be read in two ways, or fits no dialect.
+        A path is missing, given twice, or not HDF5; or a folder can be read in two ways, or has no files.
     """
     sequences: list[Place] = []
     for place in places:
         if isinstance(place, Path) and place.is_dir():
-            sequences += _in_folder(place, choice, needs_rows=needs_rows)
+            sequences += _in_folder(place, choice)
         elif isinstance(place, RemoteFile) and place.is_prefix:
             sequences += _below_prefix(place)
         else:
@@ -80,7 +78,7 @@ def _below_prefix(prefix: RemoteFile) -> list[RemoteFile]:
     return sequences
 
 
-def _in_folder(folder: Path, choice: "DialectChoice", *, needs_rows: bool) -> list[Path]:
+def _in_folder(folder: Path, choice: "DialectChoice") -> list[Path]:
     from fedora_qa.layout.dialect import split_choice  # noqa: PLC0415 - loads HDF5
     from fedora_qa.layout.folder import matched_folder, misfit  # noqa: PLC0415 - loads HDF5
 
@@ -97,11 +95,6 @@ def _in_folder(folder: Path, choice: "DialectChoice", *, needs_rows: bool) -> li
         # Images and tables beside a file of HDF5 make that file no sequence by itself.
         if dialect is None and not any(path.is_dir() for path in below) and (sentence := misfit(folder)):
             raise MisuseError(f"{sentence}; complete the folder, or describe it (--dialect)")
-        if needs_rows and not below:
-            raise MisuseError(
-                f"Expected a folder that a dialect describes, or with sequences in it, got {folder}; draft a dialect "
-                f"with `fedora-qa layout {folder} --draft-dialect mine.toml`"
-            )
         if not below and not list_files(folder):
             raise MisuseError(f"Expected a sequence, or a folder of sequences, got a folder without files: {folder}")
         return below or [folder]

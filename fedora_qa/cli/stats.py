@@ -12,6 +12,7 @@ from typing import Final
 from fedora_qa import __version__
 from fedora_qa.cli.console import print_table, text
 from fedora_qa.cli.documents import write_document
+from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
@@ -21,6 +22,7 @@ from fedora_qa.comparison.tables import tables_to_latex
 from fedora_qa.config import parse_bytes
 from fedora_qa.engine.executors.executor import Task, opening_test
 from fedora_qa.engine.tasks import FileStatistics, collect_statistics
+from fedora_qa.errors import UnrecognisedError
 from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.record.markdown import escape, table_section
 from fedora_qa.record.tables import ABSENT, TextTable, number_cell
@@ -46,12 +48,18 @@ def run_stats(
 ) -> int:
     """Run the command and return its exit code."""
     reading = reading_of(dialect, metadata, memory, allow_external)
-    sequences = [place for place in sequences_of(files, reading.dialect, needs_rows=True) if isinstance(place, Path)]
+    sequences = [place for place in sequences_of(files, reading.dialect) if isinstance(place, Path)]
     outputs.require_writable(sequences)
-    by_file = {
-        str(path): measured_file(path, reading, place=(number, len(sequences))).statistics
-        for number, path in enumerate(sequences)
-    }
+    by_file: dict[str, Statistics] = {}
+    unrecognised: list[UnrecognisedError] = []
+    for number, path in enumerate(sequences):
+        try:
+            by_file[str(path)] = measured_file(path, reading, place=(number, len(sequences))).statistics
+        except UnrecognisedError as error:
+            unrecognised.append(error)
+    # Of several sequences the others are measured.
+    if not by_file:
+        raise unrecognised[0]
     tables = tables_of(by_file)
     if outputs.json:
         tool = {"name": "fedora-qa", "version": __version__}
@@ -66,7 +74,9 @@ def run_stats(
     for source in tables:
         print_table(console, source)
     console.print(text(NOTES, "dim"))
-    return 0
+    for each in unrecognised:
+        console.print(text(str(each), "yellow"))
+    return INCOMPLETE if unrecognised else CLEAN
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from fedora_qa.engine.measure import PassState
 from fedora_qa.engine.options import DIED_TWICE, record_without_facts
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Where
-from fedora_qa.record.wording import NOT_RECOGNISED
+from fedora_qa.record.wording import not_recognised
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
 from fedora_qa.storage.digest import Digest
@@ -137,10 +137,7 @@ def unrecognised_record(path: Place, digest: Digest, checks: Iterable[Check[Any]
     checks
         All that were selected.
     """
-    reason = (
-        f"{NOT_RECOGNISED}: no dialect describes anything in the file; draft one with "
-        f"`fedora-qa layout {path} --draft-dialect mine.toml`"
-    )
+    reason = not_recognised(path)
     return record_without_facts(path, digest, "incomplete", tuple(not_applicable(check, reason) for check in checks))
 
 

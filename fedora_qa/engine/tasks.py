@@ -16,9 +16,10 @@ from fedora_qa.engine.measure import Accumulator, PassState, attempt, measure
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.engine.survey import OpenSurvey, Survey, opened, prepare, survey_of
-from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.errors import MisuseError, UnreadableFileError, UnrecognisedError
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.layout.dialect import DialectChoice
+from fedora_qa.record.wording import not_recognised
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.sequence.window import Sampling
 from fedora_qa.statistics.collector import Statistics, StatisticsCollector
@@ -174,12 +175,14 @@ def collect_statistics(
     Raises
     ------
     FedoraError
-        The file cannot be opened.
+        The file cannot be opened, or no dialect describes it.
     RuntimeError
         A collector itself failed.
     """
     statistics = StatisticsCollector()
     with open_sequence(path, dialect, allow_external=allow_external) as sequence:
+        if not sequence.layout.is_recognised:
+            raise UnrecognisedError(not_recognised(path))
         ready = prepare(sequence, memory_bytes)
         distributions = DistributionsCollector(ready.spans)
         collectors: list[Accumulator] = [statistics, *([distributions] if with_distributions else [])]

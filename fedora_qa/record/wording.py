@@ -5,6 +5,7 @@ import re
 import unicodedata
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Final
 
 from fedora_qa.causes import CAUSES
@@ -33,6 +34,16 @@ OUTCOME_WORDS: Final[dict[Outcome, str]] = {
 
 NOT_RECOGNISED: Final = "layout not recognised"
 """Begins the reason of every result of a file of which no dialect describes anything."""
+
+
+def not_recognised(path: object) -> str:
+    """Return that no dialect describes anything in a file, a folder or an object behind a URL, and what to do."""
+    kind = "folder" if isinstance(path, Path) and path.is_dir() else "file"
+    return (
+        f"{NOT_RECOGNISED}: no dialect describes anything in the {kind}; draft one with "
+        f"`fedora-qa layout {path} --draft-dialect mine.toml`"
+    )
+
 
 SHORT_OF_COVERAGE: Final = "where the configuration requires"
 """Marks, in a result's reason, that its coverage is less than required."""

@@ -16,7 +16,7 @@ from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import window_length_ns
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.tasks import check_file
-from fedora_qa.errors import MisuseError, NotRepairableError, UnreadableFileError
+from fedora_qa.errors import MisuseError, NotRepairableError, UnreadableFileError, UnrecognisedError
 from fedora_qa.faults.clocks import TimeUnit
 from fedora_qa.faults.fault import FaultySequence, InapplicableError, ReversibleFault
 from fedora_qa.layout.canonical import spec_of
@@ -24,6 +24,7 @@ from fedora_qa.layout.dialect import DialectChoice, split_choice
 from fedora_qa.layout.hdf5_objects import walk
 from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Diagnosis
+from fedora_qa.record.wording import NOT_RECOGNISED, why_incomplete
 from fedora_qa.repairs.mechanical import ROW_FAULTS, UNIT_FAULTS, exact, why_not_mechanical
 from fedora_qa.repairs.result import Omission, Repair, RepairStep, why_not_better
 from fedora_qa.repairs.write import (
@@ -73,10 +74,14 @@ def repair(
     ------
     MisuseError
         There is no such file, it is not HDF5, or ``only`` names a diagnosis that has no tested fault.
+    UnrecognisedError
+        No dialect describes anything in the file.
     """
     options = replace(options, evidence=None, canary=False)
     version = local_version(source)
     run = check(source, options, progress)
+    if (reason := why_incomplete(run.record)).startswith(NOT_RECOGNISED):
+        raise UnrecognisedError(reason)
     chosen, omissions = choose(run.record.diagnoses, run.faults, only)
     result = Repair((), omissions, run.record)
     if not chosen:

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from fedora_qa import __version__
 from fedora_qa.conventions import MM_PER_M, US_PER_S
 from fedora_qa.engine.progress import Progress
-from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.errors import MisuseError, UnreadableFileError, UnrecognisedError
 from fedora_qa.geometry import so3
 from fedora_qa.layout.canonical import flow_rate_hz, in_file_order, is_flow_stream, timestamps_of
 from fedora_qa.layout.dialect import DialectChoice
 from fedora_qa.record.types import Tool
+from fedora_qa.record.wording import not_recognised
 from fedora_qa.scoring.metrics import (
     ErrorSums,
     Partition,
@@ -367,9 +368,13 @@ def errors_over_time(times_us: Int64, errors: Float64) -> tuple[ErrorAtTime, ...
 def _open_truth(sequence: Path, dialect: DialectChoice, allow_external: Iterable[Path]) -> Sequence:
     """Open the sequence; an error names it, as predictions are opened beside it."""
     try:
-        return open_sequence(sequence, dialect, allow_external=allow_external)
+        truth = open_sequence(sequence, dialect, allow_external=allow_external)
     except UnreadableFileError as error:
         raise UnreadableFileError(f"{error} ({sequence})") from error
+    if not truth.layout.is_recognised:
+        truth.close()
+        raise UnrecognisedError(not_recognised(sequence))
+    return truth
 
 
 def _require_truth(truth: Sequence, predicted: Predictions) -> None:

@@ -255,8 +255,8 @@ def test_a_folder_that_fits_no_dialect(fedora_qa: Command, tmp_path: Path) -> No
     assert "no dialect describes anything" in done.out.replace("\n", " ")
     assert f"fedora-qa layout {folder} --draft-dialect" in " ".join(done.out.split())
     refused = fedora_qa("stats", folder)
-    assert refused.code == 2
-    assert "Expected a folder that a dialect describes" in refused.err
+    assert refused.code == 3
+    assert "no dialect describes anything in the folder" in refused.err
     shown = fedora_qa("layout", folder)
     assert shown.code == 0
     assert "notes.txt" in shown.out
