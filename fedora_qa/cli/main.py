@@ -44,6 +44,11 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
 )
 """Where each command is in ``fedora_qa.cli``, and what it does, in the order in which help shows them."""
 
+_ELSEWHERE: Final[Mapping[str, str]] = MappingProxyType(
+    {name: f"`fedora-generate {name}`" for name in ("fault", "corpus", "scenes", "sequence")}
+)
+"""Commands of the generator, which people look for here."""
+
 PROGRAM: Final = "fedora-qa"
 COMPLETION_VARIABLE: Final = "_FEDORA_QA_COMPLETE"
 """Set by a shell that requests completions, and by a person who requests the script of completion."""
@@ -58,6 +63,7 @@ TRACEBACK_VARIABLE: Final = "FEDORA_QA_TRACEBACK"
     cls=LazyGroup,
     package="fedora_qa.cli",
     table=COMMANDS,
+    elsewhere=_ELSEWHERE,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.version_option(__version__, prog_name=PROGRAM)

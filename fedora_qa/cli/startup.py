@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any, Final, cast
 
 import click
@@ -74,12 +75,22 @@ class LazyGroup(click.Group):
         Where the modules of the commands are.
     table
         Of each command its module and name in it, such as ``check:check``, and what it does, in the order of the help.
+    elsewhere
+        Commands of other programs that people look for here, by the name that they try.
     """
 
-    def __init__(self, *arguments: Any, package: str, table: Mapping[str, tuple[str, str]], **options: Any) -> None:
+    def __init__(
+        self,
+        *arguments: Any,
+        package: str,
+        table: Mapping[str, tuple[str, str]],
+        elsewhere: Mapping[str, str] = MappingProxyType({}),
+        **options: Any,
+    ) -> None:
         super().__init__(*arguments, **options)
         self._package = package
         self._table = table
+        self._elsewhere = elsewhere
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands."""
@@ -97,6 +108,8 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that the arguments name, and what follows; an unknown name is a usage error."""
+        if other := self._elsewhere.get(args[0]):
+            ctx.fail(f"No such command {args[0]!r}; use {other}")
         hint = did_you_mean(args[0], self._table)
         if hint and args[0] not in self._table and not ctx.resilient_parsing:
             ctx.fail(f"No such command {args[0]!r}{hint}")

@@ -23,7 +23,7 @@ from fedora_qa.layout.canonical import spec_of
 from fedora_qa.layout.dialect import DialectChoice, split_choice
 from fedora_qa.layout.hdf5_objects import walk
 from fedora_qa.record.atomic import replacing
-from fedora_qa.record.types import Diagnosis
+from fedora_qa.record.types import Diagnosis, FileRecord
 from fedora_qa.record.wording import NOT_RECOGNISED, why_incomplete
 from fedora_qa.repairs.mechanical import ROW_FAULTS, UNIT_FAULTS, exact, why_not_mechanical
 from fedora_qa.repairs.result import Omission, Repair, RepairStep, why_not_better
@@ -85,7 +85,7 @@ def repair(
     chosen, omissions = choose(run.record.diagnoses, run.faults, only)
     result = Repair((), omissions, run.record)
     if not chosen:
-        return replace(result, refusal="Nothing that is confirmed can be repaired.")
+        return replace(result, refusal=_why_nothing(run.record))
     try:
         if target is None:
             return _with(result, _undo(source, None, options, chosen, progress))
@@ -107,6 +107,17 @@ def repair(
             return result
     except (NotRepairableError, InapplicableError, UnreadableFileError) as refused:
         return replace(result, refusal=str(refused))
+
+
+def _why_nothing(record: FileRecord) -> str:
+    """Return why no fault of a file is repaired, as a sentence."""
+    if record.diagnoses:
+        return "Nothing that is confirmed can be repaired."
+    if any(result.outcome == "failed" for result in record.results):
+        return "No cause of the findings is known; `fedora-qa check` lists them."
+    reason = why_incomplete(record)
+    incomplete = f", but the check is incomplete: {reason}" if reason else ""
+    return f"No check fails: the file has no finding to repair{incomplete}."
 
 
 @dataclass(frozen=True, slots=True)

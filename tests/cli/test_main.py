@@ -78,6 +78,13 @@ def test_traceback_on_request(fedora_qa: Command, sequence: Path, monkeypatch: p
     assert "Traceback" in done.err
 
 
+def test_a_command_of_the_generator_is_named(fedora_qa: Command) -> None:
+    """People look for it here."""
+    done = fedora_qa("fault", "seq.h5", "events:time_offset")
+    assert done.code == 2
+    assert "use `fedora-generate fault`" in done.err
+
+
 def interrupt(*_: object) -> None:
     """End as ctrl-C does."""
     raise KeyboardInterrupt

@@ -105,7 +105,7 @@ def test_nothing_to_repair_is_exit_code_1(sequence: Path, fedora_qa: Command) ->
     out.write_text("mine")
     done = fedora_qa("repair", sequence, "-o", out, "--force", "--select", "clocks")
     assert done.code == 1, done.err
-    assert done.out.splitlines()[-1] == "Nothing is written: Nothing that is confirmed can be repaired."
+    assert done.out.splitlines()[-1] == "Nothing is written: No check fails: the file has no finding to repair."
     assert out.read_text() == "mine"
     assert sorted(path.name for path in sequence.parent.iterdir()) == ["out.h5", sequence.name]
 

@@ -223,7 +223,8 @@ def test_only_confirmed_diagnoses_are_chosen() -> None:
 
 
 REFUSED = {
-    "nothing is diagnosed": ((), {}, "Nothing that is confirmed can be repaired."),
+    "nothing is found": ((), {"before": ()}, "No check fails: the file has no finding to repair."),
+    "nothing is diagnosed": ((), {}, "No cause of the findings is known; `fedora-qa check` lists them."),
     "only supported": ((LATE,), {"status": "supported"}, "Nothing that is confirmed can be repaired."),
     "an estimate": ((GyroBias((0.1, 0.0, 0.0)),), {}, "Nothing that is confirmed can be repaired."),
     "something new": ((LATE,), {"after": ("imu.timing.offset",)}, "the repaired file breaks imu.timing.offset"),

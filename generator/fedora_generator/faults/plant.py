@@ -171,10 +171,17 @@ def plant_fault(
         The target's folder does not exist, or its disk is full.
     """
     if cause not in legal_causes():
-        raise FaultError(
-            f"Expected a cause that can be planted, got {cause!r}; choose from {', '.join(legal_causes())}"
-            f"{did_you_mean(cause, legal_causes())}"
+        of_stream, _, identifier = cause.rpartition(":")
+        if of_stream and identifier in legal_causes():
+            raise FaultError(
+                f"Expected a cause without its stream, got {cause!r}; use {identifier} --stream {of_stream}"
+            )
+        # The list of all causes hides the one that is near.
+        hint = did_you_mean(identifier, legal_causes())
+        remedy = (
+            f"{hint} `fedora-generate fault -h` lists all" if hint else f"; choose from {', '.join(legal_causes())}"
         )
+        raise FaultError(f"Expected a cause that can be planted, got {cause!r}{remedy}")
     if ("flow" if is_flow_stream(stream) else stream) not in legal_streams(cause):
         streams = ", ".join(legal_streams(cause))
         raise FaultError(
@@ -201,7 +208,8 @@ def plant_fault(
         donor=donor,
     )
     if not source.is_file() or not h5py.is_hdf5(source):
-        raise FaultError(f"Expected an HDF5 file, got {source}; name a file that the generator wrote")
+        kind = "a folder" if source.is_dir() else "no HDF5 file" if source.exists() else "a path that does not exist"
+        raise FaultError(f"Expected an HDF5 file that the generator wrote, got {kind}: {source}")
     if not target.parent.is_dir():
         raise OutputError(f"Expected an existing folder to write into, got {target.parent}; create it first")
     if target.exists() and target.samefile(source):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.layout.canonical import (
+    STREAMS,
     TIMESTAMPS_OF,
     companions_of,
     datasets_of,
@@ -36,7 +37,9 @@ def streams_in(file: h5py.File, stream: str) -> tuple[str, ...]:
     names = flow_streams_in(file) if stream == "flow" else (stream,)
     streams = tuple(name for name in names if any(spec.key in file for spec in datasets_of(name)))
     if not streams:
-        raise FaultError(f"Expected a file with the stream {stream}, got none in {file.filename}; name another stream")
+        others = [name for name in STREAMS if any(spec.key in file for spec in datasets_of(name))]
+        got = f"only {', '.join(others)}" if others else "no stream of the canonical layout"
+        raise FaultError(f"Expected a file with the stream {stream}, got {got}; name another stream or file")
     return streams
 
 

@@ -79,7 +79,7 @@ def nan_in_stream(file: h5py.File, fault: Fault) -> None:
 def other_sequence(file: h5py.File, fault: Fault) -> None:
     """Put the donor's samples, with the donor's timestamps, in the place of the stream's own."""
     if fault.donor is None or not fault.donor.is_file() or not h5py.is_hdf5(fault.donor):
-        raise FaultError(f"Expected an HDF5 file to take {fault.stream} from, got {fault.donor}; use --donor")
+        raise FaultError(f"Expected an HDF5 file to take {fault.stream} from, got {fault.donor or 'none'}; use --donor")
     with h5py.File(fault.donor) as donor:
         for stream in streams_in(file, fault.stream):
             for key, dataset in datasets_in(file, stream).items():
