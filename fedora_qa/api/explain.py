@@ -44,7 +44,8 @@ def explain(name: str | None = None) -> ExplainedChecks:
     Parameters
     ----------
     name
-        A check, such as ``"clocks.order"``, or a subject, for each of its checks; None: every check.
+        A check, such as ``"clocks.order"``, or the code of a finding, for its check; or a subject, for each of its
+        checks; None: every check.
 
     Raises
     ------

@@ -1,19 +1,24 @@
 """``fedora-qa checks`` and ``fedora-qa explain``: the question of each check and how it answers it; what a cause is."""
 
+import re
 import sys
 from dataclasses import replace
+from typing import Final
 
 import click
 from rich.table import Table
 from rich.text import Text
 
 from fedora_qa.causes import CAUSES, allowed
-from fedora_qa.check_names import require_check_names, subject_of
+from fedora_qa.check_names import check_of_rule, require_check_names, subject_of
 from fedora_qa.checks.explanation import Explanation, published_explanations
 from fedora_qa.cli.console import stdout_console
 from fedora_qa.cli.options import complete_explained
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.wording import capitalised
+
+_NUMBERED: Final = re.compile(r"[FD]\d+")
+"""Numbers of findings and diagnoses, which people copy from a summary."""
 
 
 @click.command()
@@ -38,7 +43,8 @@ def checks() -> int:
 def explain(name: str) -> int:
     """Explain what CHECK, or every check of a subject, measures, how, and what it cannot detect.
 
-    A CAUSE, such as events:time_offset or time_offset, is explained with its size and its remedy.
+    A CAUSE, such as events:time_offset or time_offset, is explained with its size and its remedy. For the code of a
+    finding, such as clocks.order.backward_steps, its check is explained.
     """
     console = stdout_console()
     stream, colon, identifier = name.rpartition(":")
@@ -53,7 +59,15 @@ def explain(name: str) -> int:
         for title, sentence in (("What is wrong", cause.meaning), ("Size", sign), ("Remedy", cause.remedy)):
             console.print(Text.assemble("\n", (title, "bold"), f"\n{capitalised(sentence).rstrip('.')}."))
         return 0
-    require_check_names([name], also=CAUSES)
+    if _NUMBERED.fullmatch(name):
+        raise MisuseError(
+            f"Expected a subject, a check or the code of a finding, got {name!r}, which numbers a finding or diagnosis "
+            "of one record; use the code beside it"
+        )
+    if check := check_of_rule(name):
+        console.print(Text(f"{name} is a rule or a measurement of the check {check}.\n"))
+    else:
+        require_check_names([name], also=CAUSES)
     for explained in explanations_of(name):
         console.print(Text(explained.check, style="bold"))
         console.print(Text(needs_words(explained), style="dim"))
@@ -65,13 +79,14 @@ def explain(name: str) -> int:
 
 
 def explanations_of(name: str) -> tuple[Explanation, ...]:
-    """Return the explanations of a check, or of every check of a subject, with measured power and price.
+    """Return the explanations of a check, of that of a rule, or of every check of a subject, with power and price.
 
     Raises
     ------
     MisuseError
         There is no such check or subject.
     """
+    name = check_of_rule(name) or name
     require_check_names([name])
     explanations = [each for each in published_explanations() if name in {each.check, subject_of(each.check)}]
     # Loads pydantic, which `checks` does not need.

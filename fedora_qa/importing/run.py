@@ -27,7 +27,7 @@ from fedora_qa.layout.create import DeferredErrorFile
 from fedora_qa.layout.direct_chunks import ChunkWriter
 from fedora_qa.storage.digest import Digest, file_digest
 from fedora_qa.storage.folder import local_version
-from fedora_qa.storage.signature import OTHER_FORMATS
+from fedora_qa.storage.signature import other_format
 
 RecordingForm = Literal["prophesee", "aedat4", "bag"]
 
@@ -226,5 +226,6 @@ def recognise(path: Path) -> RecordingForm:
         raise MisuseError(
             f"Expected AEDAT 4.0, got AEDAT {version[1].decode()}: {path}; convert it to 4.0 with iniVation's software"
         )
-    other = next((words for beginning, words in OTHER_FORMATS if start.startswith(beginning)), "something else")
-    raise MisuseError(f"Expected {_READABLE}, got {other} (by its first bytes): {path}; give the recording itself")
+    other, remedy = other_format(start)
+    remedy = remedy or "; give the recording itself"
+    raise MisuseError(f"Expected {_READABLE}, got {other} (by its first bytes): {path}{remedy}")

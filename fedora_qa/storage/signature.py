@@ -12,7 +12,7 @@ from fedora_qa.storage.remote_bytes import RemoteBytes
 _SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 _LARGEST_USER_BLOCK: Final = 1 << 20
 
-OTHER_FORMATS: Final = (
+_OTHER_FORMATS: Final = (
     (b"PK\x03\x04", "a ZIP archive; unpack it first"),
     (b"\x1f\x8b", "a gzip archive; unpack it first"),
     (b"\xfd7zXZ", "an xz archive; unpack it first"),
@@ -26,6 +26,14 @@ OTHER_FORMATS: Final = (
     (b"\x89MCAP", "an MCAP recording"),
 )
 """First bytes of other formats that are given in place of HDF5, and what they are."""
+
+_TEXT: Final = frozenset(b"\t\n\r" + bytes(range(0x20, 0x7F)))
+"""Bytes of text."""
+
+_TEXT_FILE: Final = (
+    "a text file; columns of text, such as t x y p of events, are read from a folder: put it into one of its own, as "
+    "NPY where it has more than 64 MiB, and draft a dialect with `fedora-qa layout FOLDER --draft-dialect mine.toml`"
+)
 
 OPENING_VARIABLE: Final = "FEDORA_QA_OPENING_S"
 """Environment variable: seconds within which a file must open."""
@@ -61,8 +69,18 @@ def require_signature_in(path: Place, file: BinaryIO | RemoteBytes) -> None:
             break
         # The signature lies at 0, 512 and each doubling (HDF5 File Format Specification, II.A).
         offset = 2 * offset or 512
-    other = next((words for beginning, words in OTHER_FORMATS if start.startswith(beginning)), "something else")
-    raise NotHdf5Error(f"Expected an HDF5 file, got {other} (no HDF5 signature): {path}")
+    other, remedy = other_format(start)
+    raise NotHdf5Error(f"Expected an HDF5 file, got {other} (no HDF5 signature): {path}{remedy}")
+
+
+def other_format(start: bytes) -> tuple[str, str]:
+    """Return what a file of another format is, by its first bytes, and a clause with what to do, which may be empty."""
+    # JSON and markup are no tables.
+    is_text = bool(start) and _TEXT.issuperset(start) and not start.lstrip().startswith((b"{", b"[", b"<"))
+    otherwise = _TEXT_FILE if is_text else "something else"
+    words = next((words for beginning, words in _OTHER_FORMATS if start.startswith(beginning)), otherwise)
+    name, semicolon, remedy = words.partition("; ")
+    return name, f"{semicolon}{remedy}"
 
 
 def opening_limit_s(usual_s: float) -> float:

@@ -187,7 +187,7 @@ def remove_disparity_matrix(folder: Path) -> None:
     ("damage", "code", "words"),
     [
         (remove_events, 2, "Expected events/left/events.h5 or events_left/events.h5 (events of the dialect dsec) in"),
-        (zip_events, 2, "Expected an HDF5 file, got a ZIP archive; unpack it first"),
+        (zip_events, 2, "Expected an HDF5 file, got a ZIP archive (no HDF5 signature)"),
         (cut_events, 1, "Expected a complete HDF5 file, got events.h5"),
         (drop_a_timestamp, 1, "Expected images/timestamps.txt with N = 6 as images/left/rectified/*.png, got 5"),
         (drop_an_image, 1, "with N = 5 as images/left/rectified/*.png, got 6; the numbers in the names of"),

@@ -71,7 +71,8 @@ NOT_RECORDINGS = {
     "a ZIP archive": b"PK\x03\x04" + bytes(100),
     "an HDF5 file": b"\x89HDF\r\n\x1a\n" + bytes(100),
     "an empty file": b"",
-    "something else": b"hello, world",
+    "a text file": b"hello, world",
+    "something else": b'{"hello": "world"}',
 }
 
 

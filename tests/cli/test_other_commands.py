@@ -74,6 +74,31 @@ def test_explain_a_cause(fedora_qa: Command) -> None:
     assert "Expected a stream of time_offset (rgb, depth, events, imu, pose, flow), got 'event'" in misspelt.err
 
 
+def test_explain_the_code_of_a_finding(fedora_qa: Command) -> None:
+    """The check that reports it."""
+    done = fedora_qa("explain", "clocks.order.backward_steps")
+    assert done.code == 0
+    first, _, rest = done.out.partition("\n\n")
+    assert first == "clocks.order.backward_steps is a rule or a measurement of the check clocks.order."
+    assert rest == fedora_qa("explain", "clocks.order").out
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("gaps", "did you mean 'clocks.gaps' or 'event_stream.gaps'?"),
+        ("gap", "did you mean 'clocks.gaps' or 'event_stream.gaps'?"),
+        ("clocks.rates", "did you mean 'clocks.rate'?"),
+        ("F3", "which numbers a finding or diagnosis of one record; use the code beside it"),
+        ("zzz", "`fedora-qa checks` and `fedora_qa.explain()` list them\n"),
+    ],
+)
+def test_explain_lists_what_is_near(fedora_qa: Command, name: str, words: str) -> None:
+    """Checks of a property, the nearest name, or where names are listed."""
+    done = fedora_qa("explain", name)
+    assert (done.code, words in done.err) == (2, True)
+
+
 def test_explain_a_subject(fedora_qa: Command) -> None:
     """The name of a subject explains each of its checks."""
     done = fedora_qa("explain", "clocks")
@@ -133,6 +158,19 @@ def test_layout_says_that_no_dialect_fits(fedora_qa: Command, tmp_path: Path) ->
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["weights"] = [1.0, 2.0]
     assert "layout not recognised" in fedora_qa("layout", tmp_path / "other.h5").out
+
+
+@pytest.mark.parametrize("command", [("check",), ("layout",), ("stats",), ("import", "-o", "out.h5")])
+def test_events_as_text_are_answered_with_the_folder(
+    fedora_qa: Command, tmp_path: Path, command: tuple[str, ...]
+) -> None:
+    """A dialect of a folder reads their columns."""
+    events = tmp_path / "events.txt"
+    events.write_text("0.001 3 4 1\n0.002 5 6 0\n", "utf-8")
+    done = fedora_qa(*command, events)
+    assert done.code == 2
+    assert f"got a text file ({'by' if command[0] == 'import' else 'no'}" in done.err
+    assert done.err.endswith("draft a dialect with `fedora-qa layout FOLDER --draft-dialect mine.toml`\n")
 
 
 def test_layout_in_a_narrow_terminal(fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
