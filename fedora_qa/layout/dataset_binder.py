@@ -331,7 +331,9 @@ def _holds_without_loss(spec: DatasetSpec, dtype: np.dtype[Any]) -> bool:
     canonical = np.dtype(spec.dtype)
     if canonical.kind == "f":
         millimetres = spec.key == "path/depth" and dtype.kind in "iu" and dtype.itemsize >= 2
-        return millimetres or (dtype.kind == "f" and dtype.itemsize >= 4)
+        # Whole metres of a range.
+        metres = spec.stream == "depth_range" and dtype.kind in "iu"
+        return millimetres or metres or (dtype.kind == "f" and dtype.itemsize >= 4)
     # float64 holds microseconds and indices up to 2^53 (285 years), float32 columns, rows and polarity up to 2^24.
     return dtype.kind in "iub" or dtype.itemsize >= (8 if canonical.itemsize == 8 else 4)
 

@@ -24,7 +24,7 @@ from fedora_qa.layout.canonical import (
     in_file_order,
     spec_of,
 )
-from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
+from fedora_qa.layout.dialect import DEPTH_RANGE, NS_PER_TIME_UNIT
 from fedora_qa.layout.inventory import Fields, StoredObject, take_inventory
 
 _EPOCH_S: Final = (1e9, 1e10)
@@ -57,6 +57,9 @@ _NAMES: Final = {
 
 _MILLISECONDS: Final = ("ms_to", "ms_map")
 """Beginnings of the names of maps from milliseconds to events (DSEC, M3ED, TUM-VIE)."""
+
+_INDEX_WORDS: Final = ("to_event", "event_ind", "event_idx", "events_ind", "events_idx")
+"""Words in the names of maps from frames to events."""
 
 _INTRINSICS: Final = ("intrinsic", "camera_matrix", "fx_fy")
 _CAMERAS: Final = {
@@ -126,7 +129,7 @@ def draft_dialect(file: h5py.File, name: str) -> str:
 def in_order(guesses: Mapping[str, Guess]) -> list[Guess]:
     """Return guesses, by key, in the order of the layout."""
     streams = {spec_of(key).stream for key in guesses}
-    beside = (spec for stream in BESIDE for spec in datasets_of(stream))
+    beside = (spec for stream in ("depth_range", *BESIDE) for spec in datasets_of(stream))
     return [guesses[spec.key] for spec in (*datasets_of_all(streams), *beside) if spec.key in guesses]
 
 
@@ -223,7 +226,40 @@ def guess_places(items: Sequence[StoredObject]) -> tuple[Guess, ...]:
         *_transformations(items),
     ):
         guesses.setdefault(guess.key, guess)
+    for guess in (*_index_maps(items, guesses), *_depth_range(items, guesses)):
+        guesses.setdefault(guess.key, guess)
     return tuple(guesses.values())
+
+
+def _index_maps(items: Sequence[StoredObject], guesses: Mapping[str, Guess]) -> Iterator[Guess]:
+    """Guess that whole numbers with a name for it, one for each frame, name the event at that frame."""
+    rows = {
+        key: item.shape[0]
+        for key in ("path/rgb_ts", "path/depth_ts", "path/events/t")
+        for item in items
+        if key in guesses and item.shape and item.place.items() <= guesses[key].fields.items()
+    }
+    for item in items:
+        is_map = len(item.shape) == 1 and item.dtype.kind in "iu" and any(word in item.name for word in _INDEX_WORDS)
+        if not is_map or not np.all(np.diff(item.head.astype(np.int64)) >= 0):
+            continue
+        if not 0 <= int(item.head[0]) <= int(item.head[-1]) <= rows.get("path/events/t", -1):
+            continue
+        for key, frames in (("metadata/rgb_to_event", "rgb"), ("metadata/depth_to_event", "depth")):
+            named = [camera for camera, words in _CAMERAS.items() if any(word in item.name for word in words)]
+            # A map into the events has their name, too, and that of a camera where there are several.
+            others = [camera for camera in named if camera not in ("events", frames)]
+            if rows.get(f"path/{frames}_ts") == item.shape[0] and not others:
+                yield Guess(key, item.place, f"its name; as many whole numbers as {frames} frames, which never fall")
+                break
+
+
+def _depth_range(items: Sequence[StoredObject], guesses: Mapping[str, Guess]) -> Iterator[Guess]:
+    """Guess that two rising numbers with a name for it are the range of valid depth."""
+    for item in items:
+        named = "range" in item.name and "depth" in item.path.lower()
+        if "path/depth" in guesses and named and item.shape == (2,) and 0 <= item.head[0] < item.head[1]:
+            yield Guess(DEPTH_RANGE, item.place, "its name; two rising numbers, taken for metres")
 
 
 def unit_of_timestamps(timestamps: NDArray[np.float64], kind: str) -> tuple[str, str]:

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.layout.binding import canonical_rows
+from fedora_qa.layout.canonical import STREAMS
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.layout.draft import draft_dialect, unit_of_timestamps
 from fedora_qa.layout.resolve import resolve
@@ -47,7 +48,7 @@ def write_unknown(path: Path) -> Path:
 @pytest.mark.parametrize(
     ("write", "streams"),
     [
-        (write_handmade, {"rgb", "depth", "events", "imu", "pose", "flow/10hz", "flow/25hz", "flow/50hz"}),
+        (write_handmade, set(STREAMS)),
         (write_purdue_lab, {"rgb", "depth", "events"}),
         (write_mvsec, {"rgb", "events"}),
         (write_unknown, {"rgb", "depth", "events", "imu"}),
@@ -128,3 +129,25 @@ def test_map_from_milliseconds(tmp_path: Path) -> None:
         layout = resolve(file, dialect)
     assert layout.bindings["metadata/ms_to_event"].path == "ms_to_idx"
     assert not layout.problems
+
+
+def test_maps_from_frames_and_the_range_of_depth_are_placed_by_name(tmp_path: Path) -> None:
+    """A draft that leaves them out loses the checks of what the file has; a map of other numbers is none."""
+    path = write_handmade(tmp_path / "file.h5")
+    with h5py.File(path, "r+") as file:
+        frames, events = len(file["path/rgb_ts"]), len(file["path/events/t"])
+        indices = np.linspace(0, events, frames).astype(np.int64)
+        for name in ("rgb_to_event", "depth_to_event", "depth_range"):
+            if f"metadata/{name}" in file:
+                del file[f"metadata/{name}"]
+        file["index/image_to_event"] = indices
+        file["index/depth_to_event"] = np.linspace(0, events, len(file["path/depth_ts"])).astype(np.int64)
+        file["range_of_depth/range"] = [0.1, 30.0]
+        file["index/first_to_event"] = indices + 1  # points behind the last event
+    text, dialect = draft(path)
+    with h5py.File(path) as file:
+        bindings = resolve(file, dialect).bindings
+    assert bindings["metadata/rgb_to_event"].path == "index/image_to_event"
+    assert bindings["metadata/depth_to_event"].path == "index/depth_to_event"
+    assert bindings["metadata/depth_range"].path == "range_of_depth/range"
+    assert "#   index/first_to_event" in text
