@@ -9,7 +9,10 @@ import pytest
 from tests.cli.conftest import Command
 
 
-@pytest.fixture(params=["file", "folder"])
+_FORMS = ("file", "folder")
+
+
+@pytest.fixture(params=_FORMS)
 def unknown(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """A file, or a folder, of another layout."""
     if request.param == "folder":
@@ -21,13 +24,18 @@ def unknown(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     return tmp_path / "unknown.h5"
 
 
-@pytest.mark.parametrize("command", ["check", "stats", "compare", "score", "export", "repair"])
+@pytest.mark.parametrize(
+    ("command", "unknown"),
+    [
+        *((command, form) for command in ("check", "stats", "compare", "score", "export") for form in _FORMS),
+        ("repair", "file"),
+    ],
+    indirect=["unknown"],
+)
 def test_every_command_names_what_drafts_a_dialect(
     command: str, unknown: Path, sequence: Path, tmp_path: Path, fedora_qa: Command
 ) -> None:
     """One sentence, the exit code of an incomplete check, and no output."""
-    if command == "repair" and unknown.is_dir():
-        pytest.skip("a folder is not repaired")
     output = tmp_path / "out"
     arguments = {
         "check": [unknown, "--jobs", "1"],
