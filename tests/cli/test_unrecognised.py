@@ -8,7 +8,6 @@ import pytest
 
 from tests.cli.conftest import Command
 
-
 _FORMS = ("file", "folder")
 
 
