@@ -122,7 +122,9 @@ class BiasDrift:
     explained: float
 
 
-def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> PartialBias | None:
+def partial_bias(
+    segments: Sequence[ComparisonRows], *, centre: float, left_by_whole: float = inf
+) -> PartialBias | None:
     """Return the part of the sequence whose bias removes most of the residuals.
 
     Parameters
@@ -131,25 +133,30 @@ def partial_bias(segments: Sequence[ComparisonRows], *, centre: float) -> Partia
         Rows of the samples as declared, in the order of time.
     centre
         Time from that of a row to the middle of what it compares, in spans of the row.
+    left_by_whole
+        Weighted squares of the residuals that parameters of the whole sequence leave.
 
     Returns
     -------
     PartialBias or None
-        None where the likeliest part is the whole sequence, has too few rows, or leaves more than little.
+        None where the likeliest part is the whole sequence, has too few rows, or leaves more than little, or as much as
+        parameters of the whole sequence do.
     """
-    part = _likeliest_part(segments, [rows.bias_jacobians for rows in segments], centre)
+    part = _likeliest_part(segments, [rows.bias_jacobians for rows in segments], centre, left_by_whole)
     if part is None:
         return None
     bias, start_s, stop_s, explained, left = part
     return PartialBias((float(bias[0]), float(bias[1]), float(bias[2])), start_s, stop_s, explained, left)
 
 
-def partial_gain(segments: Sequence[ComparisonRows], *, column: int, centre: float) -> PartialGain | None:
+def partial_gain(
+    segments: Sequence[ComparisonRows], *, column: int, centre: float, left_by_whole: float = inf
+) -> PartialGain | None:
     """Return the part of the sequence in which another gain of the sensor removes most of the residuals.
 
     Parameters
     ----------
-    segments, centre
+    segments, centre, left_by_whole
         As of ``partial_bias``.
     column
         Of the jacobians, the derivative by the gain.
@@ -159,7 +166,7 @@ def partial_gain(segments: Sequence[ComparisonRows], *, column: int, centre: flo
     PartialGain or None
         None where ``partial_bias`` would be None, or where the rates have another sign.
     """
-    part = _likeliest_part(segments, [rows.jacobians[..., [column]] for rows in segments], centre)
+    part = _likeliest_part(segments, [rows.jacobians[..., [column]] for rows in segments], centre, left_by_whole)
     if part is None or part[0][0] >= 1.0:
         return None
     (share,), start_s, stop_s, explained, left = part
@@ -168,7 +175,7 @@ def partial_gain(segments: Sequence[ComparisonRows], *, column: int, centre: flo
 
 
 def _likeliest_part(
-    segments: Sequence[ComparisonRows], derivatives: Sequence[Float64], centre: float
+    segments: Sequence[ComparisonRows], derivatives: Sequence[Float64], centre: float, left_by_whole: float
 ) -> tuple[Float64, float, float, float, float] | None:
     """Return the values of some parameters in the part where they remove most, and what a ``PartialBias`` has besides.
 
@@ -209,6 +216,9 @@ def _likeliest_part(
     if last - first < _FEWEST_ROWS_OF_PART or count - (last - first) < _LEAST_ELSEWHERE * count:
         return None
     squares = float(removed(np.array([first]), np.array([last]))[0])
+    # Below the noise, whatever a part explains counts as all there is: then what the whole leaves decides.
+    if float(np.sum(residuals**2)) - squares >= left_by_whole:
+        return None
     value = values(np.array([first + _PARTLY]), np.array([last - _PARTLY]))[0]
     # Noise alone has squares of one a residual, or less where errors are bounds: it is measured outside of the part.
     outside = np.concatenate([residuals[:first], residuals[last:]])
@@ -489,9 +499,12 @@ def summarise(
     starts = runs * (len(lengths) // count) + np.minimum(runs, len(lengths) % count)
     is_longest = lengths == np.repeat(np.maximum.reduceat(lengths, starts), np.diff(starts, append=len(lengths)))
     longest = np.minimum.reduceat(np.where(is_longest, numbers, len(numbers)), starts)
-    bias, gain = partial_bias(declared, centre=centre), None
+    weighted = (of_rows / rows.sigmas for rows, of_rows in zip(segments, residuals, strict=True))
+    left = sum(float(np.sum(np.square(of_rows))) for of_rows in weighted)
+    bias, gain = partial_bias(declared, centre=centre, left_by_whole=left), None
     if "scale" in fit.parameters.names:
-        gain = partial_gain(declared, column=fit.parameters.names.index("scale"), centre=centre)
+        column = fit.parameters.names.index("scale")
+        gain = partial_gain(declared, column=column, centre=centre, left_by_whole=left)
         if gain is not None and bias is not None and gain.left_within >= bias.left_within:
             gain = None
     return InertialFit(
