@@ -48,11 +48,18 @@ _ENOUGH: Final = 0.05
 _CERTAIN: Final = 0.85
 """Least support of a cause by the check whose business it is for the finding to count as a measurement of the cause."""
 
+_OF_LAYOUT: Final = "integrity.layout."
+"""Beginning of the codes of findings about how values are stored. Types that lose nothing give no alarm."""
+
 _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
 
 _IN_ONE_DIRECTION: Final = frozenset({"spatial_offset", "intrinsics_centre", "time_offset", "clock_rate"})
 """Causes that move edges in one direction: where the image moves evenly, one undoes what another did."""
+
+_WHOLE_PX: Final = 0.5
+"""Largest difference of a fitted shift from the one that was undone for the fitted one to be stated: that in whole
+pixels is rounded."""
 
 _VECTORS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm", "teleport"})
 """Causes whose size is the length of a vector, of which each finding states a component."""
@@ -136,10 +143,16 @@ def choose_causes(
     def gain(candidate: CauseCandidate) -> float:
         return sum(_new_support(candidate, finding, unexplained) for finding in candidate.evidence)
 
-    def merit(candidate: CauseCandidate) -> tuple[float, bool]:
-        """Return the gain, where each check counts once, and whether a clock is out of place."""
+    of_layout = {alarm.finding.id for alarm in alarms if alarm.finding.code.startswith(_OF_LAYOUT)}
+
+    def merit(candidate: CauseCandidate) -> tuple[bool, float, bool]:
+        """Return whether it states how values are stored, the gain by check, and whether a clock is out of place.
+
+        What was lost when values were stored disturbs all that is computed from them, and is read, not estimated.
+        """
         by_check = sum(_new_support(candidate, f, unexplained) * weights[f] for f in candidate.evidence)
-        return round(by_check, 6), is_out_of_place(candidate)
+        is_stored_so = any(_new_support(candidate, f, unexplained) >= _CERTAIN for f in of_layout)
+        return is_stored_so, round(by_check, 6), is_out_of_place(candidate)
 
     def is_out_of_place(candidate: CauseCandidate) -> bool:
         clock = places.get(stream_family(candidate.stream))
@@ -217,7 +230,15 @@ def choose_causes(
                 status="unidentified",
             )
         )
-    return tuple(diagnoses)
+    return _confirmed_first(diagnoses)
+
+
+def _confirmed_first(diagnoses: Sequence[Diagnosis]) -> tuple[Diagnosis, ...]:
+    """Return diagnoses with those that are confirmed first, where the one that explains most is only suggested."""
+    if not diagnoses or diagnoses[0].status != "suggested":
+        return tuple(diagnoses)
+    ordered = sorted(diagnoses, key=lambda diagnosis: diagnosis.status != "confirmed")
+    return tuple(replace(diagnosis, id=f"D{number}") for number, diagnosis in enumerate(ordered, 1))
 
 
 def key_of(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -241,7 +262,9 @@ def _size_by_trial(cause: str, fitted: float | None, fault: ReversibleFault) -> 
         # The fitted size is that of one factor.
         return of_fault
     is_of_another_step = cause == "time_offset" and of_fault is not None and not isclose(of_fault, fitted)
-    return of_fault if is_of_another_step else fitted
+    # Shifts beyond the reach of a fit saturate, and one along one axis is no length.
+    is_elsewhere = cause == "spatial_offset" and of_fault is not None and abs(of_fault - fitted) > _WHOLE_PX
+    return of_fault if is_of_another_step or is_elsewhere else fitted
 
 
 def _weights(alarms: Sequence[Alarm]) -> dict[str, float]:

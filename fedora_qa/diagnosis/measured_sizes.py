@@ -33,10 +33,13 @@ def measured(result: Result | None, name: str) -> Measurement | None:
     return None if result is None else next((m for m in result.measurements if m.name == name), None)
 
 
-def deviation(result: Result | None, name: str) -> float:
-    """Return the value of a measurement less what is expected, in its unit; 0 where it was not measured."""
+def deviation(result: Result | None, name: str, *, beyond_limit: bool = False) -> float:
+    """Return the value of a measurement less what is expected, in its unit; 0 where it was not measured.
+
+    With ``beyond_limit`` it is 0 as well where it does not exceed its limit.
+    """
     measurement = measured(result, name)
-    if measurement is None or measurement.value is None:
+    if measurement is None or measurement.value is None or (beyond_limit and not measurement.exceeds_limit):
         return 0.0
     return measurement.value - (measurement.expected or 0.0)
 

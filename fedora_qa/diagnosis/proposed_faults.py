@@ -257,12 +257,16 @@ def _pixel_shift(fit: FittedCause) -> Faults:
         return
     checks = {"events": "event_response.alignment", "rgb": "event_response.alignment", "depth": "alignment.depth"}
     result = fit.results.get(checks.get(fit.family, ""))
-    # Alignment measures the shift of events, or of the depth camera, against the colour frames.
-    gain = -rgb_px_per_event_px(fit.facts) if fit.stream == "rgb" else 1.0
+    # Alignment measures the shift of events against the colour frames, and that of the colour frames against depth.
+    gain = {"rgb": -rgb_px_per_event_px(fit.facts), "depth": -1.0}.get(fit.family, 1.0)
     right_px, down_px = (gain * deviation(result, f"shift_{way}") for way in ("right", "down"))
     right, down, along = round(right_px), round(down_px), round(fit.size)
+    # A component within its limit may be that of an axis along which few edges lie.
+    beyond_right, beyond_down = (
+        round(gain * deviation(result, f"shift_{way}", beyond_limit=True)) for way in ("right", "down")
+    )
     # A shift larger than what the check searches saturates: the fitted size is tried too, along either axis.
-    for columns, rows in dict.fromkeys(((right, down), (along, 0), (0, along))):
+    for columns, rows in dict.fromkeys(((beyond_right, beyond_down), (right, down), (along, 0), (0, along))):
         if columns or rows:
             yield pixels.PixelShift(fit.stream, columns, rows)
     if fit.stream == "rgb" and max(abs(right_px - right), abs(down_px - down)) > _WHOLE_PX:

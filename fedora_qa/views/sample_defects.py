@@ -360,11 +360,14 @@ def component_noise(poses: PoseSamples, step: float, rotation_rad: float, declar
     return None
 
 
-def _is_noise_at_times(poses: PoseSamples) -> bool:
+def _is_noise_at_times(facts: Facts, poses: PoseSamples) -> bool:
     """Whether positions, by more than rounding and a fast motion explain, leave a smooth motion at times only."""
     curve = VectorSamples(poses.positions_world_m)
     level = noise_level(poses.times_ns, curve, order=NOISE_ORDER)
-    if level is None or level.sigma <= level.motion + position_floor_m(poses):
+    stored = facts.steps.get("path/pose/position", StoredStep())
+    # Positions in coarse steps change at times, too.
+    step_m = max(stored.component(i).size for i in range(3))
+    if level is None or level.sigma <= level.motion + max(position_floor_m(poses), step_m):
         return False
     return noise_evenness(poses.times_ns, curve, order=NOISE_ORDER) < _LEAST_NOISE_EVENNESS
 
@@ -403,7 +406,7 @@ def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Fe
         features.append(RepeatedSamples("pose", len(frozen)))
     if not features and (lone := lone_poses(poses)):
         features.append(lone)
-    if not features and _is_noise_at_times(poses):
+    if not features and _is_noise_at_times(facts, poses):
         features.append(NoiseAtTimes("pose"))
     if not features:
         position_m, rotation_rad = measured_pose_sigmas(poses)

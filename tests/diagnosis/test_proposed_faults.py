@@ -176,6 +176,18 @@ def test_no_threshold_has_the_sign_that_a_fit_of_another_cause_has() -> None:
     assert not list(faults_for("threshold_misdeclared", "events", 2.0, (), fitted, facts_of(memory_sequence())))
 
 
+def test_a_shift_of_depth_is_opposite_to_that_of_the_edges_of_colour() -> None:
+    """Colour lies 3 px left of the steps of depth: depth lies 3 px right. What is within its limit comes last."""
+    values = {"shift_right": (-3.1, 0.3), "shift_down": (4.0, 6.0)}
+    measurements = tuple(
+        Measurement(name, value, "px", 0.1, 0.0, limit, 0.3) for name, (value, limit) in values.items()
+    )
+    aligned = {"alignment.depth": Result("alignment.depth", "failed", "shifted", measurements=measurements)}
+    facts = facts_of(memory_sequence())
+    shifts = list(faults_for("spatial_offset", "depth", 2.0, (), aligned, facts))
+    assert shifts[:2] == [PixelShift("depth", 3, 0), PixelShift("depth", 3, -4)]
+
+
 def test_a_shift_of_colour_is_in_its_own_pixels() -> None:
     """Events lie 5 px right and 10 px up of frames whose pixels are finer by 10.39 to 8.66: 6 px, and 12 px."""
     shifted = dict([result("event_response.alignment", shift_right=5.0, shift_down=-10.0)])
