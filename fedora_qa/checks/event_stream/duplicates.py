@@ -16,11 +16,14 @@ from fedora_qa.checks.event_stream.event_rows import (
 )
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.events.pixels import count_repeats, find_repeats
+from fedora_qa.estimators.clocks.grid import moved_together
+from fedora_qa.estimators.events.pixels import count_repeats, find_repeats, mark_repeats
 from fedora_qa.estimators.events.repeats import (
     AROUND,
     MOST_PER_TICK,
     NEAR,
+    NEAR_US,
+    chance_of_coincidences,
     chance_of_doubled_ticks,
     chance_of_repeats,
     count_quiet_pairs,
@@ -58,6 +61,10 @@ class RepeatCount:
         Number of events.
     repeats
         Number of events with pixel and timestamp of another.
+    of_moved
+        Number of these at timestamps to which a part of the events was moved: a grid, or the ends of the stream.
+    close
+        Number of pairs of successive events of a pixel that are 1 to ``NEAR_US`` us apart.
     on_grid
         Whether timestamps lie on a grid coarser than a microsecond.
     pairs
@@ -68,11 +75,14 @@ class RepeatCount:
         Where there are such ticks: number of tiles with an event in each other tick, and of those whose pixels all fire
         an even number of times.
     first, first_doubled
-        First repeated event, on a grid that of a quiet pixel; first event of a doubled tick; None without one.
+        First repeated event: on a grid that of a quiet pixel, else the first that was not moved; first event of a
+        doubled tick; None without one.
     """
 
     events: int
     repeats: int
+    of_moved: int
+    close: int
     on_grid: bool
     pairs: tuple[int, ...]
     doubled_ticks: tuple[int, ...]
@@ -107,6 +117,12 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
     coincide with another event with a probability of their rate times the tick: this number is expected, with its
     Poisson error, and one more is allowed.
 
+    Events whose timestamps err independently, by jitter or by spurious events that nobody declares, coincide by chance.
+    They are then also close: intervals of 1 to 64 us are 128 times as frequent as those of 0. Given the number of close
+    pairs, that of coincidences is binomial with the share 1/129. Exact streams have no close pair. Where a part of the
+    events was moved to a grid, or to the ends of the stream, its timestamps hold more events than those beside them. No
+    event there counts as repeated.
+
     On a grid of any tick, let n_k be the number of pairs k ticks apart. Intervals of random phase give ``n_0 <= n_k /
     2``, if the density of intervals does not decrease from zero on. Given all pairs, n_0 is binomial. At quiet pixels
     the density does not decrease, because an edge that crosses several thresholds within a tick does so at neighbours
@@ -120,7 +136,8 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
     Doubled events whose timestamps differ by a microsecond or more; ``event_response.conservation`` detects them where
     pixels are observable. On a grid: doubled events where neighbours fire more often than every nine ticks, at the
     border of the sensor, at pixels that fire more often than every 16 ticks, and on grids coarser than 1.25 ms. There
-    only doubled ticks are detected.
+    only doubled ticks are detected, as at timestamps to which a part of the events was moved. Three repeats or fewer
+    where timestamps err, so that other events of a pixel are less than 64 us apart.
 
     Sources
     -------
@@ -139,11 +156,20 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
         events = own(window, sensor_events(window))
         shape, tick = sensor_shape(window.facts.declared), local_tick_ns(window)
         on_grid, start = tick > NS_PER_US, window.owned("events").start
-        repeats, first, doubled, first_doubled = count_repeats(events.x, events.y, events.times_ns, shape), -1, 0, -1
+        repeats, close = count_repeats(events.x, events.y, events.times_ns, shape, NEAR_US * NS_PER_US)
+        first, of_moved, doubled, first_doubled = -1, 0, 0, -1
         doubled_ticks, tiles, even_tiles = np.zeros(_MOST_TILES + 1, np.int64), 0, 0
         # The rows of repeats take a second pass, which only windows with repeats need.
         if repeats:
             repeats, first, doubled, first_doubled = find_repeats(events.x, events.y, events.times_ns, events.p, shape)
+        if repeats and not on_grid:
+            rows = np.flatnonzero(mark_repeats(events.x, events.y, events.times_ns, shape))
+            nearby = sensor_events(window)
+            # Doubled events crowd no timestamp: each counts once.
+            once = ~mark_repeats(nearby.x, nearby.y, nearby.times_ns, shape)
+            moved = moved_together(events.times_ns[rows], nearby.times_ns[once])
+            of_moved, others = int(np.count_nonzero(moved)), rows[~moved]
+            first = int(others[0]) if len(others) else -1
         if doubled:
             tiles, even_tiles = tally_ticks(events.x, events.y, events.times_ns, events.p, shape, doubled_ticks)
         pairs = np.zeros(NEAR + 1, np.int64)
@@ -167,6 +193,8 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
         return RepeatCount(
             events=len(events),
             repeats=repeats,
+            of_moved=of_moved,
+            close=close,
             on_grid=on_grid,
             pairs=tuple(pairs.tolist()),
             doubled_ticks=tuple(doubled_ticks.tolist()),
@@ -235,26 +263,29 @@ def _repeats_on_grid(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
 
 
 def _repeats(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
-    """Return the number of repeats within a microsecond, with that expected from declared spurious events."""
-    total, repeats = sum(count.events for count in state), sum(count.repeats for count in state)
+    """Return the number of repeats within a microsecond, with that expected from close pairs and spurious events."""
+    total, repeats = sum(count.events for count in state), sum(count.repeats - count.of_moved for count in state)
+    measured = chance_of_coincidences(sum(count.close for count in state))
     declared, spurious_hz = facts.declared.events, 0.0
     if declared is not None:
         # Rate of events without a change of light. Events of hot pixels coincide at the hot rate; this rate is taken
         # for all events.
         spurious_hz = declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)
     # Each event coincides with a spurious one in its tick with probability rate times tick.
-    chance = spurious_hz * NS_PER_US / NS_PER_S * total
+    declared_chance = spurious_hz * NS_PER_US / NS_PER_S * total
+    expected = max(declared_chance, measured.expected)
+    by_chance = f"; {expected:.3g} are expected by chance" if expected else ""
     return Statistic(
         name="repeats",
         value=float(repeats),
         unit="events",
-        expected=chance,
-        # A count of rare coincidences; without declared spurious events even one exceeds the limit.
-        standard_error=float(np.sqrt(chance)),
-        model_error_bound=1.0 if chance > 0 else 0.0,
+        expected=expected,
+        # A count of rare coincidences; in an exact stream without declared spurious events even one exceeds the limit.
+        standard_error=max(float(np.sqrt(declared_chance)), measured.standard_error),
+        model_error_bound=1.0 if declared_chance > 0 else 0.0,
         side="upper",
         resolution=1.0,
-        statement=f"{repeats} events have the pixel and timestamp of another.",
+        statement=f"{repeats} events have the pixel and timestamp of another{by_chance}.",
         code="event_stream.duplicates.event",
         where=where_of(facts, next((count.first for count in state if count.first is not None), None)),
         features=(RepeatedEvents(repeats),),

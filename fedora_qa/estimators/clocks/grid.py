@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import ndtri_exp
 
-from fedora_qa.conventions import US_PER_S
+from fedora_qa.conventions import NS_PER_US, US_PER_S
 from fedora_qa.estimators.fitting.tails import log_chance_of_hits
 
 Int64 = NDArray[np.int64]
@@ -49,6 +49,13 @@ coincidence."""
 
 _MOST_CROWDED: Final = 0.9
 """Least share (0 to 1) of the events that lie at crowded timestamps where the timestamps have a coarse step."""
+
+_BESIDE_US: Final = 64
+"""Time before and after a timestamp, us, in which events are counted to compare. The rate of events is the same there,
+unless an edge triggers many pixels within a microsecond; edges do so at times that lie on no grid."""
+
+_LOG_CHANCE_OF_CROWD: Final = float(np.log(1e-6))
+"""Natural logarithm of the probability that a window without a grid has a crowded timestamp."""
 
 
 def single_precision_spacing_us(times_us: NDArray[np.float64]) -> float:
@@ -271,6 +278,47 @@ def crowded_step_ns(times_ns: Int64) -> int:
         return 0
     # Between crowded timestamps only: a single event between two of them would shorten a step.
     return int(np.median(np.diff(times_ns[first[crowded]])))
+
+
+def moved_together(chosen_ns: Int64, times_ns: Int64) -> NDArray[np.bool_]:
+    """Return which timestamps are those to which a part of the events was moved: a grid, or the ends of a stream.
+
+    A timestamp is crowded where its number of events is improbable beside those of the ``_BESIDE_US`` before and after
+    it. Of M + c events, M at the timestamp and c beside it, M is binomial with the share of one microsecond. Crowded
+    timestamps between the ends are a grid where they have a common step.
+
+    Parameters
+    ----------
+    chosen_ns
+        (k,) timestamps, ns.
+    times_ns
+        (n,) timestamps of the events of a window and of its halo, sorted, ns. Whole microseconds.
+
+    Returns
+    -------
+    NDArray[np.bool_]
+        (k,) True for timestamps on such a grid, crowded or not, and for the first and the last one of the events where
+        these are crowded.
+    """
+    distinct_ns, counts = np.unique(times_ns, return_counts=True)
+    beside_ns = _BESIDE_US * NS_PER_US
+    before = np.searchsorted(times_ns, distinct_ns - beside_ns, "left")
+    after = np.searchsorted(times_ns, distinct_ns + beside_ns, "right")
+    # Number of microseconds that are compared: fewer at the ends.
+    compared_us = 1 + (
+        np.minimum(distinct_ns - distinct_ns[:1], beside_ns) + np.minimum(distinct_ns[-1:] - distinct_ns, beside_ns)
+    ) / NS_PER_US  # fmt: skip
+    log_chances = log_chance_of_hits(counts, after - before, 1 / compared_us)
+    crowded_ns = distinct_ns[log_chances + np.log(max(len(distinct_ns), 1)) < _LOG_CHANCE_OF_CROWD]
+    # Whoever limits timestamps to those of the stream moves events to its ends, whatever the grid.
+    is_end = np.isin(crowded_ns, distinct_ns[[0, -1]]) if len(crowded_ns) else np.zeros(0, np.bool_)
+    moved = np.isin(chosen_ns, crowded_ns[is_end])
+    within_ns = crowded_ns[~is_end]
+    steps_ns = np.diff(within_ns)
+    step_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
+    if step_ns > NS_PER_US and surely_no_chance(np.full(len(steps_ns), step_ns / NS_PER_US)):
+        moved |= (chosen_ns - within_ns[0]) % step_ns == 0
+    return moved
 
 
 @njit(cache=True)

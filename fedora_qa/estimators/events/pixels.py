@@ -220,8 +220,37 @@ def survey_columns(
 
 
 @njit(cache=True)
-def count_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int]) -> int:
-    """Return the number of events that share pixel and timestamp with an event before.
+def count_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int], near: int) -> tuple[int, int]:
+    """Count the events that share pixel and timestamp with an event before, and those that follow one closely.
+
+    Parameters
+    ----------
+    x, y, t
+        (m,) columns, rows and timestamps (ns) of events, as the module describes them.
+    shape
+        Rows and columns of the sensor.
+    near
+        Longest interval of close events, ns.
+
+    Returns
+    -------
+    tuple[int, int]
+        Number of repeats, of any polarity; number of events whose last one at the pixel, of any polarity, is earlier by
+        ``near`` at most.
+    """
+    # Half the least int64: long before every event, and the difference does not overflow.
+    last, repeats, close = np.full(shape, np.iinfo(np.int64).min // 2), 0, 0
+    for i in range(len(t)):
+        between = t[i] - last[y[i], x[i]]
+        repeats += between == 0
+        close += 0 < between <= near
+        last[y[i], x[i]] = t[i]
+    return repeats, close
+
+
+@njit(cache=True)
+def mark_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int]) -> Bool:
+    """Return which events share pixel and timestamp with an event before.
 
     Parameters
     ----------
@@ -232,15 +261,14 @@ def count_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int]) -> i
 
     Returns
     -------
-    int
-        Number of repeats, of any polarity.
+    NDArray[np.bool_]
+        (m,) True for repeats, of any polarity.
     """
-    # No timestamp equals the least int64: the first event of a pixel repeats no event.
-    last, repeats = np.full(shape, np.iinfo(np.int64).min), 0
+    last, marked = np.full(shape, np.iinfo(np.int64).min), np.zeros(len(t), np.bool_)
     for i in range(len(t)):
-        repeats += last[y[i], x[i]] == t[i]
+        marked[i] = last[y[i], x[i]] == t[i]
         last[y[i], x[i]] = t[i]
-    return repeats
+    return marked
 
 
 @njit(cache=True)

@@ -121,7 +121,7 @@ def fisher_beyond(chance: float, above: ArrayLike, below: ArrayLike) -> NDArray[
     return np.asarray(1.0 / fdtri(below, above, chance), dtype=np.float64)
 
 
-def log_chance_of_hits(hits: ArrayLike, trials: ArrayLike, share: float) -> NDArray[np.float64]:
+def log_chance_of_hits(hits: ArrayLike, trials: ArrayLike, share: ArrayLike) -> NDArray[np.float64]:
     """Return the logarithm of the probability of so many hits or more in ``trials`` (binomial distribution).
 
     Parameters
@@ -129,7 +129,7 @@ def log_chance_of_hits(hits: ArrayLike, trials: ArrayLike, share: float) -> NDAr
     hits, trials
         Numbers of hits and of trials, of any shape.
     share
-        Probability of a hit in one trial, 0 to 1.
+        Probability of a hit in one trial, 0 to 1, of any shape.
 
     Returns
     -------

@@ -13,6 +13,7 @@ from fedora_qa.estimators.clocks.grid import (
     comb_counts,
     crowded_step_ns,
     is_on_comb,
+    moved_together,
     single_precision_spacing_us,
     surely_no_chance,
 )
@@ -152,3 +153,35 @@ def test_events_with_timestamps_of_their_own_have_no_tick() -> None:
     assert crowded_step_ns(times_ns) == 0
     assert crowded_step_ns(np.sort(np.concatenate([times_ns, np.full(400, 77_000, np.int64)]))) == 0
     assert crowded_step_ns(np.empty(0, np.int64)) == 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(("step_us", "share"), [(1_000, 0.2), (10_000, 0.02), (20_000, 0.5)])
+def test_events_are_moved_to_a_grid(seed: int, step_us: int, share: float) -> None:
+    """Events that are moved up to multiples of a step crowd these; events at random, and columns at once, do not."""
+    rng = np.random.default_rng(seed)
+    times_ns = np.sort(rng.integers(0, 200_000, 10_000)) * 1000
+    grid_ns = np.arange(step_us, 200_000, step_us) * 1000
+    assert not moved_together(grid_ns, times_ns).any()
+    columns_ns = np.repeat(rng.integers(1, 200_000, 50), 20) * 1000
+    at_once_ns = np.sort(np.concatenate([[0, 200_000_000], times_ns, columns_ns]))
+    assert not moved_together(columns_ns, at_once_ns).any()
+    moved = rng.random(len(times_ns)) < share
+    # The last timestamp is that of the stream, which lies on no grid.
+    moved_ns = np.sort(
+        np.where(moved, np.minimum(-(-times_ns // step_us // 1000) * step_us * 1000, 199_997_000), times_ns)
+    )
+    assert moved_together(grid_ns, moved_ns).all()
+    assert not moved_together(grid_ns + 1000, moved_ns).any()
+
+
+def test_events_are_moved_to_the_ends() -> None:
+    """Timestamps that are limited to those of the stream crowd its ends, and no other timestamp."""
+    times_ns = np.sort(np.random.default_rng(0).integers(-1_000, 201_000, 10_000)) * 1000
+    limited_ns = np.clip(times_ns, 0, 200_000_000)
+    assert moved_together(np.array([0, 1_000, 199_999_000, 200_000_000]), limited_ns).tolist() == [
+        True,
+        False,
+        False,
+        True,
+    ]

@@ -15,6 +15,7 @@ from fedora_qa.estimators.events.pixels import (
     count_repeats,
     find_repeats,
     mark_bursts,
+    mark_repeats,
     survey_columns,
 )
 from fedora_qa.estimators.events.rates import PixelCounts, longest_silences
@@ -112,9 +113,23 @@ def test_an_event_at_a_frame_belongs_before_it(timestamp_ns: int) -> None:
 @given(streams())
 @settings(deadline=None)
 def test_repeats_are_counted_before_they_are_searched(events: Stream) -> None:
-    """The count is that of the search that also names the first one."""
+    """The count is that of the search that also names the first one, and of the marks."""
     columns = events.x, events.y, events.times_ns, events.p
-    assert count_repeats(*columns[:3], SHAPE) == find_repeats(*columns, SHAPE)[0]
+    repeats, first, _, _ = find_repeats(*columns, SHAPE)
+    marked = mark_repeats(*columns[:3], SHAPE)
+    assert count_repeats(*columns[:3], SHAPE, 0) == (repeats, 0)
+    assert (int(np.count_nonzero(marked)), int(np.argmax(marked)) if repeats else -1) == (repeats, first)
+
+
+@given(streams(), st.integers(0, 9_000))
+@settings(deadline=None)
+def test_close_events_follow_one_of_their_pixel(events: Stream, near_ns: int) -> None:
+    """An event is close where the event before at its pixel is earlier by the interval at most, and not at once."""
+    expected = 0
+    for row, column in np.ndindex(SHAPE):
+        gaps = np.diff(events.times_ns[(events.x == column) & (events.y == row)])
+        expected += int(np.count_nonzero((gaps > 0) & (gaps <= near_ns)))
+    assert count_repeats(events.x, events.y, events.times_ns, SHAPE, near_ns)[1] == expected
 
 
 @given(streams(), st.integers(1, 40))

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import binom, poisson
 
-from fedora_qa.estimators.events.pixels import by_pixel
+from fedora_qa.estimators.events.pixels import by_pixel, count_repeats
 from fedora_qa.estimators.events.repeats import (
     AROUND,
     MOST_PER_TICK,
     NEAR,
+    NEAR_US,
     TILE_PX,
+    chance_of_coincidences,
     chance_of_doubled_ticks,
     chance_of_repeats,
     count_quiet_pairs,
@@ -101,6 +103,32 @@ def test_scale_of_repeats_is_that_of_the_binomial_tail(counts: list[int]) -> Non
         for ticks, apart in enumerate(np.cumsum(counts[1:]).tolist(), start=1)
     ]
     assert min(tails) < 1e-6
+
+
+@given(st.integers(1, 5_000))
+def test_scale_of_coincidences_is_that_of_the_binomial_tail(close: int) -> None:
+    """The least count beyond expected + 5 standard errors has the probability of five deviates at most."""
+    chance = chance_of_coincidences(close)
+    limit = int(np.floor(chance.expected + 5 * chance.standard_error + 1e-9)) + 1
+    assert chance.expected == close / (2 * NEAR_US)
+    assert binom.sf(limit - 1, limit + close, 1 / (2 * NEAR_US + 1)) < 3e-7
+
+
+@pytest.mark.parametrize("jitter_us", [50.0, 200.0, 1000.0])
+def test_jittered_events_coincide_within_their_chance(jitter_us: float) -> None:
+    """Pairs of events whose timestamps jitter coincide as often as their close pairs let expect; exact ones never."""
+    rng, pixels, deviates = np.random.default_rng(1), 20_000, []
+    x = np.tile(np.arange(pixels, dtype=np.uint16), 2)
+    exact_us = np.repeat([0.0, 150.0], pixels)
+    assert count_repeats(x, 0 * x, (1000 * exact_us).astype(np.int64), (1, pixels), NEAR_US * 1000) == (0, 0)
+    for _ in range(20):
+        t = np.rint(exact_us + rng.normal(0.0, jitter_us, 2 * pixels)).astype(np.int64) * 1000
+        order = np.argsort(t, kind="stable")
+        repeats, close = count_repeats(x[order], 0 * x, t[order], (1, pixels), NEAR_US * 1000)
+        chance = chance_of_coincidences(close)
+        deviates.append((repeats - chance.expected) / chance.standard_error)
+    assert max(deviates) < 4
+    assert np.mean(deviates) < 0.5
 
 
 @given(st.floats(1e-9, 300))
