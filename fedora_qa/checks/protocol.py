@@ -52,6 +52,9 @@ class Statistic:
     blind_from
         Detection limit above which the measurement is of no use, where it follows from the file; None: as in the table
         of material sizes (``fedora_qa/judgement/materiality.toml``).
+    effect_px
+        Root mean square change of the flow of the file by one unit of the value, px, from which its material size
+        follows; None where the value is no parameter of the flow.
     tests
         Number of independent comparisons of which the value is the worst.
     sensitivity
@@ -75,6 +78,7 @@ class Statistic:
     side: Literal["both", "upper", "lower"] = "both"
     resolution: float = 0.0
     blind_from: float | None = None
+    effect_px: float | None = None
     tests: int = 1
     sensitivity: SensitivityRange | None = None
     severity: Severity = "error"

@@ -129,7 +129,10 @@ def _size_words(row: MaterialityRow) -> str:
         return f"the rate that adds up to {row.release:g} ms over the file, for training {row.training:g} ms"
     if row.relative:
         return f"{row.release:.3g} of the expected value, for training {row.training:.3g}"
-    return f"from {with_unit(row.release, row.unit)} on, for training {with_unit(row.training, row.unit)}"
+    sizes = f"from {with_unit(row.release, row.unit)} on, for training {with_unit(row.training, row.unit)}"
+    if row.release_px is None or row.training_px is None:
+        return sizes
+    return f"{sizes}, and where it changes the flow by {row.release_px:g} px, for training {row.training_px:g} px"
 
 
 def cause_pages() -> Mapping[str, str]:

@@ -206,7 +206,7 @@ def judge(
         immaterial: list[Finding] = []
         measurements: list[Measurement] = []
         for s in observation.measurements:
-            size = materiality.size(s.code, s.unit, s.expected)
+            size = materiality.size(s.code, s.unit, s.expected, s.effect_px)
             if exceeds_limit(s, tolerance, size):
                 finding = Finding(f"F{next_id}", s.code, s.severity, s.statement, s.where)
                 alarms.append(Alarm(finding, s))
@@ -227,6 +227,7 @@ def judge(
                     tests=s.tests,
                     material=size,
                     code=s.code,
+                    effect_px=s.effect_px,
                     least_detectable_range=_least_detectable_range(s, tolerance, size),
                 )
             )

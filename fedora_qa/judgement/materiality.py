@@ -36,6 +36,8 @@ class MaterialityRow:
     release, training
         Material sizes of the profiles: in ``unit``, as a share of the expected value where ``relative``, in ms over the
         whole file where ``drift``.
+    release_px, training_px
+        For parameters of the flow: the change of the flow, px, below which no deviation is material; None elsewhere.
     blind_from
         Detection limit in the unit of the measurement above which it is of no use; None: none.
     exact
@@ -50,6 +52,8 @@ class MaterialityRow:
     release: float = 0.0
     training: float = 0.0
     blind_from: float | None = None
+    release_px: float | None = None
+    training_px: float | None = None
     relative: bool = False
     drift: bool = False
     exact: bool = False
@@ -93,7 +97,7 @@ class Materiality:
     profile: Profile = "strict"
     duration_s: float = 0.0
 
-    def size(self, code: str, unit: str, expected: float) -> float:
+    def size(self, code: str, unit: str, expected: float, effect_px: float | None = None) -> float:
         """Return the material size of a measurement.
 
         Parameters
@@ -104,6 +108,9 @@ class Materiality:
             Of the measurement.
         expected
             The value that a correct file gives, in ``unit``.
+        effect_px
+            Root mean square change of the flow of the file by one unit of the measurement, px; None where the
+            measurement is no parameter of the flow.
 
         Returns
         -------
@@ -119,6 +126,10 @@ class Materiality:
         if row.drift:
             # A rate of 1 ppm adds up to 1e-3 ms within a second.
             return 1e3 * size / self.duration_s if self.duration_s > 0 else 0.0
+        least_px = row.release_px if self.profile == "release" else row.training_px
+        if least_px is not None and effect_px is not None and isfinite(effect_px) and effect_px > 0:
+            # A parameter changes the flow by its size times the effect: 1% of 1 px is 0.01 px.
+            return max(size, least_px / effect_px)
         return size
 
 

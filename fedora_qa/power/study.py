@@ -157,7 +157,7 @@ def checked_from(file: FileRecord) -> CheckedFile:
 def _is_material(result: Result, release: Materiality) -> bool:
     """Return whether a check failed by a deviation that exceeds its limit by a size that matters to a release."""
     return result.outcome == "failed" and any(
-        _excess(m) > release.size(m.code, m.unit, m.expected or 0.0) for m in result.measurements
+        _excess(m) > release.size(m.code, m.unit, m.expected or 0.0, m.effect_px) for m in result.measurements
     )
 
 

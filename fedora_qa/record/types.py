@@ -75,6 +75,8 @@ class Measurement:
     code: str = ""
     """Of the finding that a deviation would be; empty in records of version 1.0."""
     least_detectable_range: tuple[float, float] | None = None
+    effect_px: float | None = None
+    """Change of the flow of the file by one unit, px, of a parameter of the flow; None for other measurements."""
 
     @property
     def allowed(self) -> float | None:

@@ -9,9 +9,9 @@ from fedora_qa.sequence.facts import Facts
 class Complete(Materiality):
     """Material sizes that accept no statistic without a row, under any profile."""
 
-    def size(self, code: str, unit: str, expected: float) -> float:
+    def size(self, code: str, unit: str, expected: float, effect_px: float | None = None) -> float:
         assert materiality_row(code, unit) is not None, (code, unit)
-        return super().size(code, unit, expected)
+        return super().size(code, unit, expected, effect_px)
 
 
 @pytest.fixture(autouse=True)

@@ -79,6 +79,8 @@ def test_a_row_has_a_use_and_a_reason(row: MaterialityRow) -> None:
     else:
         assert "" not in {row.unit, row.source}
         assert 0 < row.release <= row.training
+        assert (row.release_px is None) == (row.training_px is None)
+        assert 0 <= (row.release_px or 0.0) <= (row.training_px or 0.0)
 
 
 @given(st.floats(0, 1), st.sampled_from(["release", "training"]))
@@ -168,6 +170,38 @@ def test_a_share_of_what_is_expected() -> None:
 def test_no_share_of_what_is_no_number(end_m: float) -> None:
     """Depth that is declared to reach to infinity has no share that could be stated."""
     assert Materiality("release", 1.0).size("depth.range.farthest", "m", end_m) == 0.0
+
+
+GAIN: Final = Statistic("gain", 0.0, "percent", 0.0, "Flow is too large.", "flow_photometric.residual.gain")
+
+
+@pytest.mark.parametrize(
+    ("profile", "flow_px", "percent"),
+    [
+        ("release", 1.0, 2.0),
+        ("release", 20.0, 0.1),
+        ("release", 100.0, 0.1),
+        ("training", 1.0, 10.0),
+        ("strict", 1.0, 0.0),
+    ],
+)
+def test_a_gain_matters_by_its_effect_on_the_flow(profile: Profile, flow_px: float, percent: float) -> None:
+    """From the percentage that makes 0.02 px (training: 0.1 px) of the flow of the file on, 0.1% at least."""
+    statistic = replace(GAIN, effect_px=0.01 * flow_px)
+    size = Materiality(profile, 1.0).size(statistic.code, statistic.unit, statistic.expected, statistic.effect_px)
+    assert size == pytest.approx(percent)
+    below, above = (judged(replace(statistic, value=-factor * size), profile).result for factor in (0.99, 1.01))
+    assert above.measurements[0].material == pytest.approx(percent)
+    assert above.measurements[0].effect_px == 0.01 * flow_px
+    if profile != "strict":
+        assert (below.outcome, above.outcome) == ("passed", "failed")
+        assert [finding.code for finding in below.findings] == ["toy.whole.immaterial"]
+
+
+@pytest.mark.parametrize("effect_px", [None, 0.0, float("nan"), float("inf")])
+def test_without_an_effect_the_size_is_that_of_the_table(effect_px: float | None) -> None:
+    """A flow that is zero everywhere excuses no gain."""
+    assert Materiality("release", 1.0).size(GAIN.code, GAIN.unit, GAIN.expected, effect_px) == 0.1
 
 
 def test_exact_measurements_have_no_size() -> None:

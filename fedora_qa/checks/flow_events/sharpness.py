@@ -111,6 +111,8 @@ class FieldSharpness:
         Root mean square displacement of the warped events, px of the event camera.
     way_rad
         Root mean square displacement over the time of the events, over the focal length, rad.
+    flow_px
+        Root mean square of the field, px of the event camera.
     """
 
     interval: Interval
@@ -119,6 +121,7 @@ class FieldSharpness:
     carried: int
     way_px: float
     way_rad: float
+    flow_px: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,12 +366,16 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
         if sharpness.transform_is_sharper:
             return (advantage,)
         error_percent = 100 * sharpness.gain_error
+        # One percent of the true flow, which is the stored one divided by its gain.
+        rms_px = float(np.sqrt(np.mean(np.square([field.flow_px for field in sharpness.fields]))))
+        effect_px = 0.01 * rms_px / sharpness.gain
         gain = Statistic(
             name=f"gain_{rate}",
             value=100 * (sharpness.gain - 1),
             unit="%",
             standard_error=error_percent,
             model_error_bound=100 * sharpness.gain_model_error_bound,
+            effect_px=effect_px,
             statement=f"Events are sharpest when the {rate} flow is divided by {sharpness.gain:.3g} "
             f"+/- {0.01 * error_percent:.2g}.",
             code="flow_events.sharpness.gain",
@@ -407,7 +414,8 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     sampled_px = sensor_flow.flow_px[::stride, ::stride].astype(np.float64)
     speed_px = np.hypot(sampled_px[..., 0], sampled_px[..., 1])
     finite = speed_px[np.isfinite(speed_px)]
-    expected_way_px = _RMS_OF_TIME * float(np.sqrt(np.mean(np.square(finite)))) if len(finite) else 0.0
+    flow_px = float(np.sqrt(np.mean(np.square(finite)))) if len(finite) else 0.0
+    expected_way_px = _RMS_OF_TIME * flow_px
     share_of_interval = np.sqrt(focal_px / np.sqrt(288.0)) / max(expected_way_px, 1e-9)
     longest_ns = max(interval.length_ns, SHORTEST_NS)
     length_ns = int(np.clip(share_of_interval * interval.length_ns, SHORTEST_NS, longest_ns))
@@ -440,7 +448,7 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     # ``way_px`` is the rms over event times, 1/sqrt(12) of the displacement; over the focal length (px) it is an angle.
     way_rad = as_stored.way_px / _RMS_OF_TIME / focal_px
     by_gain = as_stored.sharpness[: 1 + len(GAINS)]
-    return FieldSharpness(interval, by_gain, transformed, count, as_stored.way_px, way_rad)
+    return FieldSharpness(interval, by_gain, transformed, count, as_stored.way_px, way_rad, flow_px)
 
 
 def _around(events: Events, interval: Interval, half_ns: int) -> slice:

@@ -269,6 +269,7 @@ def mean_statistics(
             unit=unit,
             standard_error=float(estimate.errors[index]),
             model_error_bound=float(estimate.biases[index]),
+            effect_px=float(estimate.effects_px[index]),
             statement=statement,
             code=f"flow_photometric.residual.{rule}",
             where=where,

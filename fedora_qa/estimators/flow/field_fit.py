@@ -317,15 +317,18 @@ class TemplateSizes:
         (p,) in the units of the templates, and their standard errors.
     biases
         (p,) bounds of the bias by aliases and interpolation.
+    effects_px
+        (p,) root mean square change of the flow by one unit of each template, px.
     """
 
     sizes: Float64
     errors: Float64
     biases: Float64
+    effects_px: Float64
 
     def scaled(self, factor: float) -> "TemplateSizes":
         """Return the sizes in another unit, of which one old unit is ``factor``."""
-        return TemplateSizes(factor * self.sizes, factor * self.errors, factor * self.biases)
+        return TemplateSizes(factor * self.sizes, factor * self.errors, factor * self.biases, self.effects_px / factor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -409,7 +412,14 @@ def fit_rate(evidences: Sequence[Evidence], scales: Sequence[float]) -> RateFit:
         scatter = np.sum(
             [scale**2 * field.matrix[columns, columns] for field, scale in zip(evidences, scales, strict=True)], axis=0
         )
-        return TemplateSizes(sizes, robust_errors(matrix, scatter, scores), _BIAS_PX * lock_in(total, columns))
+        # The information on a template T is I = sum w |T|^2, and that on the mean is sum w for u and for v: 2 I / trace
+        # is the mean square of |T|, px^2.
+        squares_px2 = (
+            2 * np.diag(total.matrix[columns, columns]) / max(float(np.trace(total.matrix[MEAN, MEAN])), 1e-300)
+        )
+        return TemplateSizes(
+            sizes, robust_errors(matrix, scatter, scores), _BIAS_PX * lock_in(total, columns), np.sqrt(squares_px2)
+        )
 
     gain = fitted(GAIN)
     gain_on_true, slope = gain_of_true(float(gain.sizes[0]))
@@ -418,11 +428,15 @@ def fit_rate(evidences: Sequence[Evidence], scales: Sequence[float]) -> RateFit:
         np.concatenate([template.sizes for template in alone]),
         np.concatenate([template.errors for template in alone]),
         np.concatenate([template.biases for template in alone]),
+        np.concatenate([template.effects_px for template in alone]),
     )
     return RateFit(
         mean=fitted(MEAN),
         # G = g / (1 - g): error and bias scale with dG/dg = 1 / (1 - g)^2.
-        gain=TemplateSizes(np.array([gain_on_true]), slope * gain.errors, slope * gain.biases),
+        # A gain of 1 changes the flow by the true flow, |stored| |1 - g|.
+        gain=TemplateSizes(
+            np.array([gain_on_true]), slope * gain.errors, slope * gain.biases, gain.effects_px * slope**-0.5
+        ),
         geometric=geometric if total.matrix[GEOMETRIC, GEOMETRIC].any() else None,
     )
 

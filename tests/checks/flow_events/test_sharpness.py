@@ -54,6 +54,8 @@ def test_clean_file_passes(tmp_path: Path) -> None:
     assert gain.value == pytest.approx(0.0, abs=2.0)
     assert gain.limit is not None
     assert gain.limit < 15.0
+    # One percent of the drift in an interval, in px of the event camera.
+    assert gain.effect_px == pytest.approx(0.01 * PERIOD_US * 1e-6 * np.hypot(*LOG_WORLD.velocity_px_s), rel=0.05)
 
 
 @pytest.mark.parametrize(

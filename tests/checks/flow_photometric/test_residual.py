@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.flow_photometric.residual import FlowPhotometricResidual
-from fedora_qa.judgement.judge import Judged
+from fedora_qa.judgement.judge import Judged, judge
+from fedora_qa.judgement.materiality import Materiality
 from tests.support.flow_world import (
     HEIGHT,
     T_BODY_CAMERA,
@@ -69,6 +70,20 @@ def test_gain_is_measured(percent: float) -> None:
     result = judged(FlowPhotometricResidual(), clean().with_flow(lambda _, flow: flow * (1 + percent / 100)))
     assert ("flow_gain", "flow") in causes(result)
     assert value_of(result, "flow/25hz gain") == pytest.approx(percent, rel=0.1, abs=0.2)
+
+
+@pytest.mark.parametrize("factor", [64.0, 8.0])
+def test_rounding_down_matters_by_its_effect_on_the_flow(factor: float) -> None:
+    """Flow that is floored to 1/64 px errs by 0.008 px, which fails no release; that of 1/8 px fails all profiles."""
+    floored = clean().with_flow(lambda _, flow: np.floor(flow * factor) / factor)
+    check = FlowPhotometricResidual()
+    observations = {check.name: observe(check, floored)}
+    failed = {}
+    for profile in ("strict", "release"):
+        (result,) = judge(observations, [check], 1e-4, Materiality(profile))
+        failed[profile] = {alarm.finding.code.rpartition(".")[2] for alarm in result.alarms}
+    assert {"mean", "template"} <= failed["strict"]
+    assert bool(failed["release"]) == (factor < 64)
 
 
 def test_constant_error_is_measured_with_its_sign() -> None:

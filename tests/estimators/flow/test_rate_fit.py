@@ -15,6 +15,7 @@ from fedora_qa.estimators.flow.field_fit import (
     gain_on_true_flow,
     have_common_gain,
     own_mean_share,
+    templates_of_flow,
 )
 from fedora_qa.estimators.flow.motion_fit import Evidence
 
@@ -64,6 +65,33 @@ def test_units_scale_sizes_errors_and_biases_alike() -> None:
     np.testing.assert_array_equal(scaled.sizes, 100.0 * mean.sizes)
     np.testing.assert_array_equal(scaled.errors, 100.0 * mean.errors)
     np.testing.assert_array_equal(scaled.biases, 100.0 * mean.biases)
+    np.testing.assert_allclose(scaled.sizes * scaled.effects_px, mean.sizes * mean.effects_px)
+
+
+def of_tiles(flows_px: np.ndarray, errors_px: np.ndarray, weights: np.ndarray) -> Evidence:
+    """Normal equations of tiles with a flow (n, 2), of which the error (n, 2) is measured, with weights (n,)."""
+    count = len(flows_px)
+    focal = np.zeros((count, 2, 8))
+    focal[:, :, 0] = 0.01 * flows_px[:, ::-1]
+    templates = templates_of_flow(flows_px, np.zeros((count, 2, 2)), np.zeros((count, 2)), focal)
+    weighted = weights[:, None, None] * templates
+    matrix = np.einsum("nia,nib->ab", weighted, templates)
+    vector = np.einsum("nia,ni->a", weighted, errors_px)
+    return Evidence(matrix, vector, float(np.sum(weights[:, None] * errors_px**2)), errors_px.size)
+
+
+@pytest.mark.parametrize("gain", [-0.5, 0.0, 0.1, 3.0])
+def test_effect_is_the_change_of_the_flow_by_one_unit(gain: float) -> None:
+    """A gain of 1 changes the flow by the true flow, a percent of the focal length by its template, in mean squares."""
+    rng = np.random.default_rng(4)
+    true_px, weights = rng.normal(0.0, 1.5, (300, 2)), rng.uniform(0.5, 2.0, 300)
+    fit = fit_rate([of_tiles((1 + gain) * true_px, gain * true_px, weights)], [1.0])
+    rms_px = np.sqrt(np.average(np.sum(true_px**2, axis=1), weights=weights))
+    assert fit.gain.effects_px[0] == pytest.approx(rms_px)
+    assert fit.gain.scaled(100).effects_px[0] == pytest.approx(0.01 * rms_px)
+    assert fit.geometric is not None
+    assert fit.geometric.effects_px[0] == pytest.approx(0.01 * (1 + gain) * rms_px)
+    np.testing.assert_allclose(fit.mean.effects_px, 1.0)
 
 
 def test_a_field_that_scatters_more_has_its_own_scale() -> None:
