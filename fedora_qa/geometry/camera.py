@@ -80,6 +80,40 @@ def camera_motion(
     return RigidMotion(R_body_camera.T @ R_body1_body0 @ R_body_camera, R_body_camera.T @ at_body1_m)
 
 
+def motion_derivatives(
+    R_world_body0: Float64, position0_m: Float64, R_world_body1: Float64, position1_m: Float64, T_body_camera: Float64
+) -> tuple[Float64, Float64, Float64]:
+    """Return the derivatives of the twist of ``camera_motion`` by small changes of the poses.
+
+    To first order a twist (omega, tau) moves the point X1 by ``omega x X1 + tau``. With the lever arm l, the origin o
+    of the first body relative to the second, D = R_world_body1^T R_world_body0 and C = R_camera_body, a rotation d of
+    one body about its own origin gives
+
+        first body:   omega =  C D d,   tau =  C (D d x (l - o))
+        second body:  omega = -C d,     tau = -C (d x l)
+
+    Parameters
+    ----------
+    R_world_body0, position0_m, R_world_body1, position1_m, T_body_camera
+        As of ``camera_motion``.
+
+    Returns
+    -------
+    by_rotation0, by_rotation1
+        (6, 3) by the rotation d of the first and of the second body, as in ``R_world_body Exp(d)``, about the axes of
+        the body: rad and m a rad, rotation first, in the second camera frame.
+    by_position0
+        (6, 3) by the first position along the axes of the world; that by the second one has the opposite sign.
+    """
+    R_camera_body, lever_m = T_body_camera[:3, :3].T, T_body_camera[:3, 3]
+    R_body1_body0 = R_world_body1.T @ R_world_body0
+    origin0_m = R_world_body1.T @ (position0_m - position1_m)
+    turn0 = R_camera_body @ R_body1_body0
+    by_rotation0 = np.vstack((turn0, -R_camera_body @ so3.cross_matrices(lever_m - origin0_m) @ R_body1_body0))
+    by_rotation1 = np.vstack((-R_camera_body, R_camera_body @ so3.cross_matrices(lever_m)))
+    return by_rotation0, by_rotation1, np.vstack((np.zeros((3, 3)), R_camera_body @ R_world_body1.T))
+
+
 def motion_covariance(
     R_world_body0: Float64,
     position0_m: Float64,
@@ -93,12 +127,7 @@ def motion_covariance(
     """Return the covariance (6, 6) of the twist of ``camera_motion`` when both poses carry white noise.
 
     Position noise is given for each axis of the world. Rotation noise n, as in ``R_world_body Exp(n)``, is given for
-    each axis of the body. To first order a twist (omega, tau) moves the point X1 by ``omega x X1 + tau``. With the
-    lever arm l, the origin o of the first body relative to the second, D = R_world_body1^T R_world_body0 and C =
-    R_camera_body, a rotation d of one body about its own origin gives
-
-        first body:   omega =  C D d,   tau =  C (D d x (l - o))
-        second body:  omega = -C d,     tau = -C (d x l)
+    each axis of the body.
 
     Parameters
     ----------
@@ -112,13 +141,9 @@ def motion_covariance(
     ndarray of float64
         (6, 6), rad^2, rad m and m^2: rotation first, then translation, in the second camera frame.
     """
-    R_camera_body, lever_m = T_body_camera[:3, :3].T, T_body_camera[:3, 3]
-    R_body1_body0 = R_world_body1.T @ R_world_body0
-    origin0_m = R_world_body1.T @ (position0_m - position1_m)
-    turn0 = R_camera_body @ R_body1_body0
-    by_rotation0 = np.vstack((turn0, -R_camera_body @ so3.cross_matrices(lever_m - origin0_m) @ R_body1_body0))
-    by_rotation1 = np.vstack((-R_camera_body, R_camera_body @ so3.cross_matrices(lever_m)))
-    by_position = np.vstack((np.zeros((3, 3)), R_camera_body @ R_world_body1.T))
+    by_rotation0, by_rotation1, by_position = motion_derivatives(
+        R_world_body0, position0_m, R_world_body1, position1_m, T_body_camera
+    )
     rotation = by_rotation0 @ by_rotation0.T + by_rotation1 @ by_rotation1.T
     # Isotropic noise of sigma: J sigma^2 J^T. Both positions have the same Jacobian up to its sign, hence 2.
     covariance: Float64 = rotation_sigma_rad**2 * rotation + 2 * position_sigma_m**2 * by_position @ by_position.T

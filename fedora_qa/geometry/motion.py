@@ -71,9 +71,7 @@ def interpolate_poses(
     # Where there are more instants than samples, relative poses are computed once per sample and then indexed.
     once_a_sample = len(inside_ns) > len(times_ns)
     samples = np.arange(len(times_ns)) if once_a_sample else before
-    size = min(STENCIL, len(times_ns))
-    # At the ends the stencil is moved and not shortened, so that the degree stays 5.
-    nodes = np.clip(samples + 1 - size // 2, 0, len(times_ns) - size)[:, None] + np.arange(size)
+    nodes = _stencils(samples, len(times_ns))
     unit_xyzw = so3.normalise(orientations_xyzw)
     q_k = unit_xyzw[samples]
     relative = np.empty((*nodes.shape, 6))  # rotation vectors Log(q_k^-1 q_j) and displacements p_j - p_k
@@ -87,6 +85,36 @@ def interpolate_poses(
     R_world_body[inside] = so3.matrices_from_quaternions(so3.compose(q_k, so3.exp_quaternion(sums[:, :3])))
     positions_m[inside] = origin_m + sums[:, 3:]
     return R_world_body, positions_m
+
+
+def _stencils(samples: Int64, count: int) -> Int64:
+    """Return the samples (n, m), of ``count``, through which polynomials pass, by the samples (n,) before instants."""
+    size = min(STENCIL, count)
+    # At the ends the stencil is moved and not shortened, so that the degree stays 5.
+    return np.clip(samples + 1 - size // 2, 0, count - size)[:, None] + np.arange(size)
+
+
+def interpolation_gains(times_ns: Int64, *, at_ns: Int64) -> Float64:
+    """Return how far interpolated poses err at most where each sample errs by 1 at most.
+
+    Parameters
+    ----------
+    times_ns
+        (P,) timestamps of the samples of ``interpolate_poses``, strictly increasing, ns; one or more.
+    at_ns
+        (n,) instants within their span, ns.
+
+    Returns
+    -------
+    ndarray of float64
+        (n,) sum of the absolute weights of the samples (Lebesgue's function): 1 at a sample, 1.39 between samples at
+        equal steps, and up to 3.1 between the first or last two.
+    """
+    before = np.maximum(np.searchsorted(times_ns, at_ns, side="right") - 1, 0)
+    nodes = _stencils(before, len(times_ns))
+    weights = lagrange_weights((times_ns[nodes] - at_ns[:, None]) / NS_PER_S)
+    gains: Float64 = np.abs(weights).sum(axis=1)
+    return gains
 
 
 def lagrange_weights(offsets: Float64) -> Float64:

@@ -28,7 +28,7 @@ from fedora_qa.estimators.images.values import positive_extremes
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.stored_step import StoredStep
+from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, StoredStep
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
 from fedora_qa.views.flow_intervals import PoseTrack, motion_between, pose_of_frame, pose_track
 from fedora_qa.views.pixel_lattice import has_static_depth, static_depth_m, why_no_static_depth
@@ -115,15 +115,19 @@ class DepthPair:
     def warped_after(self, fit: DepthFit, lattice: DepthLattice) -> WarpedLattice:
         """Warp pixels of the first frame by the motion of a fit.
 
-        A fit of all directions of the motion removes an error of interpolation with the noise. The residuals may have
-        only what it leaves of that error; an infinite bound (no pose samples to estimate it by) stays infinite.
+        A fit of all directions of the motion removes errors of interpolation and rounding with the noise. The residuals
+        may have only what it leaves of them; an infinite bound (no pose samples to estimate it by) stays infinite.
         """
         model = replace(self.model(), motion=self.motion.corrected(fit.twist))
         if not np.isfinite(self.motion_error).all():
             return warp(model, lattice, self.image1)
         warped = warp(replace(model, motion_error=0.0), lattice, self.image1)
-        # Column a is what is left of the largest error along axis a.
-        return warped.allowing(fit.motion_left * self.motion_error) if self.motion_error.any() else warped
+        errors = self.motion_errors()
+        return warped.allowing(fit.motion_left @ errors) if errors.any() else warped
+
+    def motion_errors(self) -> Float64:
+        """Return the largest errors (6, k) of the motion, rad and m, by interpolation and rounding of the poses."""
+        return np.hstack((np.diag(self.motion_error), self.rounding_twists()))
 
     def rounding_covariance(self) -> Float64:
         """Return the covariance (6, 6) of the twist, rad and m, by the steps in which poses are stored.
@@ -131,13 +135,32 @@ class DepthPair:
         A component that was rounded errs uniformly within its bound b, with variance ``b^2 / 3``. A quaternion holds
         half angles.
         """
+        position_bounds_m, quaternion_bounds = self._rounding_bounds()
+        return self.track.covariance(
+            self.start_ns, self.end_ns, float(position_bounds_m.max()) / sqrt(3),
+            2 * float(quaternion_bounds.max()) / sqrt(3),
+        )  # fmt: skip
+
+    def rounding_twists(self) -> Float64:
+        """Return the largest effects (6, k) on the motion, rad and m, of the steps in which poses are stored.
+
+        Poses in double precision have none (k = 0): their rounding is a billionth of that of depths in float32.
+        """
+        steps = [
+            self.window.facts.steps.get(key, StoredStep()) for key in ("path/pose/position", "path/pose/orientation")
+        ]
+        if not any(step.is_coarse or step.roundoff > DOUBLE_ROUNDOFF for step in steps):
+            return np.zeros((6, 0))
+        return self.track.rounding_twists(self.start_ns, self.end_ns, *self._rounding_bounds())
+
+    def _rounding_bounds(self) -> tuple[Float64, Float64]:
+        """Return the largest errors by rounding of the components of positions (3,), m, and of quaternions (4,)."""
         steps = self.window.facts.steps
         largest_m = float(np.abs(self.track.poses.positions_world_m).max(initial=0.0))
         position, orientation = (steps.get(f"path/pose/{part}", StoredStep()) for part in ("position", "orientation"))
-        position_bound_m = max(float(position.component(i).error_bounds(largest_m)) for i in range(3))
-        quaternion_bound = max(float(orientation.component(i).error_bounds(1.0)) for i in range(4))
-        return self.track.covariance(
-            self.start_ns, self.end_ns, position_bound_m / sqrt(3), 2 * quaternion_bound / sqrt(3)
+        return (
+            np.array([float(position.component(i).error_bounds(largest_m)) for i in range(3)]),
+            np.array([float(orientation.component(i).error_bounds(1.0)) for i in range(4)]),
         )
 
     def scaled(self, factor: float) -> DepthModel:
@@ -181,7 +204,7 @@ def _fit_as_declared(window: Window, first: int, second: int) -> DepthFit | None
     # Pixels are weighted by their own errors: what interpolation may add is an error of the motion, which is fitted.
     model, lattice = replace(pair.model(), motion_error=0.0), pair.lattice_to_fit()
     fit = fit_depth(lambda _: model, lattice, pair.image1, pair.noise, start=0.0, step=None)
-    if fit is None or not pair.motion_error.any():
+    if fit is None or not pair.motion_errors().any():
         return fit
     return replace(fit, typical_bound=pair.warped_after(fit, lattice).typical_bound)
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.geometry.camera import RigidMotion, camera_motion, motion_covariance
-from fedora_qa.geometry.motion import interpolate_poses
+from fedora_qa.geometry.camera import RigidMotion, camera_motion, motion_covariance, motion_derivatives
+from fedora_qa.geometry.motion import interpolate_poses, interpolation_gains
+from fedora_qa.geometry.so3 import cross_matrices, quaternions_from_matrices
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Clock, Facts
@@ -257,6 +258,38 @@ class PoseTrack:
             position_sigma_m=float(np.hypot(position_sigma_m, rotation_sigma_rad**2 * baseline_m)),
             rotation_sigma_rad=rotation_sigma_rad,
         )  # fmt: skip
+
+    def rounding_twists(
+        self, start_ns: int, end_ns: int, position_bounds_m: Float64, quaternion_bounds: Float64
+    ) -> Float64:
+        """Return the largest effects on the motion of the rounding of each component of both poses.
+
+        A quaternion q that is changed by e turns the body by the vector part of ``2 q^-1 e``, about its own axes: with
+        q = (v, w) this is ``2 (w e_v - e_w v - v x e_v)``. The change along q itself is removed when q is normalised.
+
+        Parameters
+        ----------
+        start_ns, end_ns
+            Ends of the motion, ns from the file's origin.
+        position_bounds_m, quaternion_bounds
+            (3,) and (4,) largest error of each component of a sample, m and without unit.
+
+        Returns
+        -------
+        ndarray of float64
+            (6, 14) twists, rad and m, of independent errors; each has either sign.
+        """
+        ends_ns = np.array([start_ns, end_ns], dtype=np.int64)
+        R, positions_m = self.poses_at(ends_ns)
+        by_rotation0, by_rotation1, by_position = motion_derivatives(
+            R[0], positions_m[0], R[1], positions_m[1], self.camera.T_body_camera
+        )
+        gains = interpolation_gains(self.poses.times_ns, at_ns=ends_ns)
+        twists = []
+        for q, gain, by_rotation in zip(quaternions_from_matrices(R), gains, (by_rotation0, by_rotation1), strict=True):
+            turns = 2 * np.hstack((q[3] * np.eye(3) - cross_matrices(q[:3]), -q[:3, None]))
+            twists += [gain * by_rotation @ turns * quaternion_bounds, gain * by_position * position_bounds_m]
+        return np.hstack(twists)
 
     def interpolation_twist(self, start_ns: int, end_ns: int) -> Float64:
         """Estimate the error of a motion whose ends lie between pose samples; zero where both ends are samples.

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.geometry import so3
-from fedora_qa.geometry.motion import interpolate_poses, lagrange_weights
+from fedora_qa.geometry.motion import interpolate_poses, interpolation_gains, lagrange_weights
 
 STEP_NS = 5_000_000
 
@@ -72,6 +72,18 @@ def test_few_samples_are_enough_or_give_nan(count: int) -> None:
     expected = [False, count > 0, count > 1, False]
     np.testing.assert_array_equal(np.isfinite(positions_m).all(axis=-1), expected)
     np.testing.assert_array_equal(np.isfinite(R).all(axis=(-1, -2)), expected)
+
+
+def test_interpolation_multiplies_errors_of_samples_by_its_gain() -> None:
+    """Positions that each err by 1, with either sign, err by the gain at most: 1 at a sample, 1.39 between samples."""
+    times_ns = np.arange(20) * 5_000_000
+    at_ns = np.array([45_000_000, 47_500_000, 2_500_000])
+    gains = interpolation_gains(times_ns, at_ns=at_ns)
+    np.testing.assert_allclose(gains, [1.0, 356 / 256, 766 / 256])
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (500, 20, 3))
+    orientations = np.tile([0.0, 0.0, 0.0, 1.0], (20, 1))
+    largest = np.max([np.abs(interpolate_poses(times_ns, s, orientations, at_ns=at_ns)[1]) for s in signs], axis=0)
+    np.testing.assert_allclose(largest, np.tile(gains[:, None], 3), rtol=1e-9)
 
 
 def test_a_wide_gap_is_not_bridged() -> None:

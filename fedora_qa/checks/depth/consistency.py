@@ -184,7 +184,8 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
     Each pixel has a bound, which is the sum of: rounding to float32; half a step where depths are quantised; a quarter
     of the second differences of the inverse depth around the pixel in both frames (twice Lagrange's bilinear error of a
     smooth surface; for white noise about twice its spread); the interpolation of the pose where timestamps lie between
-    its samples, less what the fit of the motion within its declared noise removes of it. A median must not exceed the
+    its samples, and half a step of each stored component of both poses, less what the fit of the motion within its
+    declared noise removes of them. A median must not exceed the
     median of its bounds. Where the file declares pose noise, a correction of the motion is fitted to each pair. The
     correction must have the size that the declared noise implies: its square is chi-square, and is made normal by the
     cube root.

@@ -12,6 +12,7 @@ from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.depth.consistency import DepthConsistency, medians_by_group
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Clock
+from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.views import depth_pairs as pairs
 from tests.support.depth_world import NOISE, clean, first_hypothesis, noisy, with_depth
 from tests.support.flow_world import FlowWorld, judged, pixel_grid, rays_body
@@ -147,6 +148,45 @@ def test_a_region_that_is_shifted_is_named() -> None:
     hypothesis = first_hypothesis(judged(DepthConsistency(), with_depth(shift_corner)))
     assert (hypothesis.cause, hypothesis.stream) == ("spatial_offset", "depth")
     assert hypothesis.magnitude == pytest.approx(3.0, rel=0.1)
+
+
+def rounded(world: FlowWorld, key: str, step: float) -> FlowWorld:
+    """The file with poses that are stored in a step, as its values show."""
+    rows = world.rows_by_key[key]
+    grid = StoredStep(size=step)
+    stored = world.with_rows(**{key.replace("/", "_"): np.rint(rows / step) * step})
+    return replace(stored, facts=replace(stored.facts, steps={**stored.facts.steps, key: grid}))
+
+
+ROUNDED = {
+    "positions, 4 decimals": ("path/pose/position", 1e-4),
+    "positions, 1 cm": ("path/pose/position", 1e-2),
+    "quaternions, 6 decimals": ("path/pose/orientation", 1e-6),
+    "quaternions, 3 decimals": ("path/pose/orientation", 1e-3),
+}
+
+
+@pytest.mark.parametrize(("key", "step"), ROUNDED.values(), ids=ROUNDED)
+def test_the_step_of_poses_is_within_the_bounds(key: str, step: float) -> None:
+    """Poses that are stored in a step pass. The step raises the limits, by no more than some times what it deviates."""
+    exact, coarse = (judged(DepthConsistency(), world).result for world in (clean(), rounded(clean(), key, step)))
+    assert coarse.outcome == "passed"
+    for before, after in zip(exact.measurements[:2], coarse.measurements[:2], strict=True):
+        assert after.value is not None
+        assert before.limit is not None
+        assert after.limit is not None
+        assert before.limit < after.limit < before.limit + 5 * after.value
+
+
+def test_steps_of_poses_excuse_no_other_error() -> None:
+    """Depth that is 0.1% too large in one frame is found beside positions with 4 decimals."""
+
+    def deepen(depth: Depths) -> Depths:
+        depth[10] *= 1.001
+        return depth
+
+    world = rounded(with_depth(deepen), "path/pose/position", 1e-4)
+    assert judged(DepthConsistency(), world).result.outcome == "failed"
 
 
 def test_noise_that_is_declared_too_small_is_found() -> None:
