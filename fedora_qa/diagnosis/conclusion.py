@@ -40,6 +40,10 @@ _MOSTLY: Final = 0.5
 PUBLISHED: Final = Path(__file__).with_name("confidence.json")
 """Rows of status, cause (empty: all causes), diagnoses that were right, and all."""
 
+_LEAST_FACTOR: Final = 2.0
+"""Least ratio of two scales in which lengths are stored. The value is not derived: focal lengths and baselines that are
+wrong scale depths by less."""
+
 _LEFT_BY_FIT: Final = 0.02
 """Largest part of a deviation that a fitted factor leaves where it is the cause: its fit has an error. The value is not
 derived."""
@@ -205,11 +209,13 @@ def is_scale_by_chance(candidate: CauseCandidate, trials: Trials) -> bool:
     """Whether lengths have a fitted factor that is the ratio of no two units, and that undoing it does not prove.
 
     A factor is fitted to whatever makes depths and path disagree. One that is the cause leaves what the rounding of its
-    fit leaves, of every finding that the trial shows, and brings none about.
+    fit leaves, of every finding that the trial shows, and brings none about. A factor near 1 is that of a calibration.
     """
     factor = candidate.size.magnitude
     if candidate.cause != "unit_mm_m" or factor is None or is_length_unit(factor):
         return False
+    if 1 / _LEAST_FACTOR < factor < _LEAST_FACTOR:
+        return True
     trial = trials.get(candidate.key)
     if trial is None or trial.caused or trial.crashed or not trial.cleared:
         return True

@@ -278,7 +278,7 @@ def _thresholds(fit: FittedCause) -> Faults:
     # Measured: 100 (fitted / declared - 1). The cause: declared over true, less 1.
     ratios = [1 + deviation(result, f"threshold_{sign}") / 100 for sign in ("on", "off")]
     if min(ratios) <= 0:
-        return  # what fits another cause best may have a sign that no threshold has
+        return  # no threshold has that sign
     on, off = (100 * (1 / ratio - 1) for ratio in ratios)
     if on or off:
         yield declarations.ThresholdMisdeclared(on, off)

@@ -20,7 +20,7 @@ from fedora_qa.causes import stream_family
 from fedora_qa.checks.event_response.conservation import Violations
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.measured_sizes import Results, flow_offset_ms, measured
+from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_offset_ms, measured
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.facts import Facts
@@ -249,7 +249,8 @@ def contradicts(
     is_within_reach = is_unsized and _events_follow(results)
     of_frames = cause == "time_offset" and family in ("events", "rgb")
     is_rounding = of_frames and _is_rounding_of_frames(magnitude, results)
-    if is_off_grid or is_of_another_body or is_within_reach or is_rounding:
+    is_no_threshold = cause == "threshold_misdeclared" and _changes_sign(results.get("event_response.threshold"))
+    if is_off_grid or is_of_another_body or is_within_reach or is_rounding or is_no_threshold:
         return True
     # A gain that was measured of single frames changes the whole by less.
     if (cause, family) in _IN_ORDER and (cause != "exposure_or_gamma" or magnitude is None):
@@ -438,6 +439,11 @@ def _frames_contradict(cause: str, stream: str, magnitude: float, result: Result
         if len(sizes) == len(_OF_FLOW[cause]) and abs(magnitude) > hypot(*sizes):
             return True
     return False
+
+
+def _changes_sign(result: Result | None) -> bool:
+    """Whether the step of an event has the opposite sign of its threshold: what fits another cause may have."""
+    return any(deviation(result, f"threshold_{sign}") <= -100.0 for sign in ("on", "off"))
 
 
 def _has_finding(result: Result | None, code: str) -> bool:

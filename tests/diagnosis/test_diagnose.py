@@ -484,3 +484,10 @@ def test_a_scale_of_lengths_that_is_no_unit_is_named_where_undoing_it_proves_it(
     ]
     trials = {} if trial is None else {("unit_mm_m", "depth"): trial}
     assert any(diagnosis.cause == "unit_mm_m" for diagnosis in diagnosed(explained, trials)) == is_named
+
+
+def test_a_scale_near_one_is_no_unit_whatever_undoing_it_proves() -> None:
+    """Depths that are 2% too large are those of a wrong baseline."""
+    scaled = alarm(1, Hypothesis("unit_mm_m", "depth", 0.9, 1.02, "1", 1e-5), code="depth.scale.factor", stream="depth")
+    (diagnosis,) = diagnosed([scaled], {("unit_mm_m", "depth"): tried("F1")})
+    assert diagnosis.cause == "unknown"

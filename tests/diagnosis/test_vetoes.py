@@ -279,3 +279,11 @@ def test_values_of_another_time_on_the_common_grid_are_late(stream: str) -> None
     assert contradicts("time_offset", stream, 7.3, {}, places)
     apart = {**places, "pose": ClockPlace("out", 5.0)}
     assert contradicts("time_offset", stream, 7.3, late, apart) == (stream == "imu")
+
+
+@pytest.mark.parametrize(("step_percent", "is_contradicted"), [(-130.0, True), (-60.0, False), (40.0, False)])
+def test_steps_of_the_opposite_sign_have_another_cause(step_percent: float, is_contradicted: bool) -> None:
+    """Inverted polarity fits thresholds below zero, which no sensor has."""
+    fitted = Measurement("threshold_off", step_percent, "percent", 1.0, 0.0, 5.0, 6.0)
+    results = {"event_response.threshold": Result("event_response.threshold", "failed", "off", measurements=(fitted,))}
+    assert contradicts("threshold_misdeclared", "events", 50.0, results, {}) == is_contradicted
