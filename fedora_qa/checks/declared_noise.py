@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fedora_qa.checks.protocol import Notice, Statistic
-from fedora_qa.estimators.imu.local_motion import NoiseLevel
+from fedora_qa.estimators.imu.white_noise import NoiseLevel
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 

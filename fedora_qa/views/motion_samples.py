@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples, noise_level
+from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, SampledCurve, VectorSamples
 from fedora_qa.estimators.imu.samples import TIMESTAMP_SIGMA_S, InertialNoise, InertialSamples
+from fedora_qa.estimators.imu.white_noise import noise_level
 from fedora_qa.estimators.storage.steps import FEWEST_VALUES, level_step, stored_step
 from fedora_qa.geometry import so3
 from fedora_qa.record.types import Where

@@ -9,16 +9,10 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import displaced_part, rounding_grid_ns, slewed_part
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
-from fedora_qa.estimators.imu.local_motion import (
-    CurvatureEvenness,
-    VectorSamples,
-    find_interpolation,
-    lone_samples,
-    longest_hold,
-    noise_evenness,
-    noise_level,
-    repeated_samples,
-)
+from fedora_qa.estimators.imu.curvature import CurvatureEvenness, find_interpolation, lone_samples
+from fedora_qa.estimators.imu.repeated_samples import longest_hold, repeated_samples
+from fedora_qa.estimators.imu.sampled_curves import VectorSamples
+from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples
+from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, SampledCurve, VectorSamples
 from fedora_qa.estimators.storage.steps import depth_step, level_step, stored_step
 from fedora_qa.layout.canonical import datasets_of_all, spec_of
 from fedora_qa.sequence.facts import Facts

@@ -9,8 +9,9 @@ from fedora_qa.checks.declared_noise import noise_against_declared, undeclared_n
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Observation, WindowCheck
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.imu.local_motion import VectorSamples, noise_level
+from fedora_qa.estimators.imu.sampled_curves import VectorSamples
 from fedora_qa.estimators.imu.samples import TIMESTAMP_SIGMA_S
+from fedora_qa.estimators.imu.white_noise import noise_level
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, Window
@@ -53,7 +54,7 @@ class ImuNoise(WindowCheck[ImuSamples]):
     Sources
     -------
     IEEE Std 952-1997, annex C (density and sample noise); first principles in
-    ``fedora_qa/estimators/imu/local_motion.py``.
+    ``fedora_qa/estimators/imu/white_noise.py``.
     """
 
     name = "imu.noise"

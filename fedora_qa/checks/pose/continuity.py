@@ -12,16 +12,10 @@ from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.estimators.imu.conventions import signed_permutations
-from fedora_qa.estimators.imu.local_motion import (
-    OrientationSamples,
-    SampledCurve,
-    StepEstimates,
-    VectorSamples,
-    find_steps,
-    most_precise_steps,
-    noise_level,
-    repeated_samples,
-)
+from fedora_qa.estimators.imu.jumps import StepEstimates, find_steps, most_precise_steps
+from fedora_qa.estimators.imu.repeated_samples import repeated_samples
+from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, SampledCurve, VectorSamples
+from fedora_qa.estimators.imu.white_noise import noise_level
 from fedora_qa.features import Feature
 from fedora_qa.geometry import so3
 from fedora_qa.record.types import Coverage, Where
@@ -182,7 +176,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
     Sources
     -------
     G. Turin, An introduction to matched filters, IRE Trans. IT-6 (1960) 311; first principles in
-    ``fedora_qa/estimators/imu/local_motion.py``.
+    ``fedora_qa/estimators/imu/jumps.py``.
     """
 
     name = "pose.continuity"

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 from fedora_qa.checks.declared_noise import noise_against_declared, undeclared_noise
 from fedora_qa.checks.protocol import Observation, WindowCheck
-from fedora_qa.estimators.imu.local_motion import OrientationSamples, VectorSamples, noise_level
+from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, VectorSamples
+from fedora_qa.estimators.imu.white_noise import noise_level
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import PoseSamples, Window
@@ -53,7 +54,7 @@ class PoseNoise(WindowCheck[PoseSamples]):
     Sources
     -------
     J. von Neumann et al., Ann. Math. Statist. 12 (1941) 153 (successive differences); first principles in
-    ``fedora_qa/estimators/imu/local_motion.py``; format: position in the world, orientation q * Exp(n).
+    ``fedora_qa/estimators/imu/white_noise.py``; format: position in the world, orientation q * Exp(n).
     """
 
     name = "pose.noise"

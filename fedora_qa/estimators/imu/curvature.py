@@ -1,0 +1,134 @@
+"""Samples off a smooth motion, and straight lines between samples, by the curvature of each sample's neighbourhood."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.imu.sampled_curves import SampledCurve, divided_differences, stencils_of
+
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+Indices = NDArray[np.intp]
+
+_LONE: Final = 20.0
+"""Medians of the distance of a sample from the middle of its neighbours above which it lies off. The length of normal
+noise of three axes exceeds four medians in one of 1e9 samples; a motion is left."""
+
+_ROWS_OF_TWO: Final = 6
+"""Most rows in succession that two lone samples beside each other disturb: a motion is longer."""
+
+_FEWEST_PERIODS: Final = 16
+"""Least number of knots for a median of the curvature at them."""
+
+_LARGEST_STRIDE: Final = 20
+"""Largest distance of knots that is tried, in samples."""
+
+_CURVATURE_ROUNDINGS: Final = 100.0
+"""Units of rounding that the curvature at knots must exceed: below it both medians result from rounding alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class CurvatureEvenness:
+    """Ratio of the curvature of a motion between every ``stride``-th sample to that at these samples.
+
+    Attributes
+    ----------
+    evenness
+        Median curvature between these samples over the median at them. Near 1 for any smooth or noisy motion, near
+        0 where samples were interpolated linearly from every ``stride``-th.
+    stride
+        Distance of these samples, in samples.
+    """
+
+    evenness: float
+    stride: int
+
+
+def lone_samples(times_ns: Int64, curve: SampledCurve) -> tuple[Indices, Float64]:
+    """Return the samples that lie off the motion of their neighbours one by one, and their distances from it.
+
+    The second difference at a sample that lies off by d is -2 d, and d at both neighbours. Of noise, and of a motion
+    that speeds up for a while, second differences are large in many rows, or in runs of them.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps, ns, strictly increasing.
+    curve
+        The N samples.
+
+    Returns
+    -------
+    rows : (n,) array
+        Of the samples that lie off; empty where there are none, or any beside another.
+    distances : (n,) array
+        From the middle of the two neighbours, in the unit of the curve.
+    """
+    stencils = stencils_of(times_ns, 3)
+    none: Indices = np.empty(0, dtype=np.intp)
+    if len(stencils) < _FEWEST_PERIODS:
+        return none, np.empty(0)
+    vectors = curve.relative_vectors(stencils, 1)
+    distances = np.linalg.norm(vectors[:, 0] + vectors[:, 2], axis=1) / 2
+    # Half of all rows are quiet even where a fifth of the samples lie off. At most half exceed the median.
+    off = distances > _LONE * max(float(np.median(distances)), np.finfo(np.float64).tiny)
+    starts = np.flatnonzero(np.diff(np.r_[0, off.astype(np.int8)]) == 1)
+    stops = np.flatnonzero(np.diff(np.r_[off.astype(np.int8), 0]) == -1) + 1
+    if not len(starts) or np.any(stops - starts > _ROWS_OF_TWO):
+        return none, np.empty(0)
+    # The largest row of each run is that of the sample: its neighbours show half of the distance.
+    largest = np.array(
+        [start + int(np.argmax(distances[start:stop])) for start, stop in zip(starts, stops, strict=True)]
+    )
+    neighbours = np.clip(largest[:, None] + [-1, 1], 0, len(off) - 1)
+    lone = largest[off[neighbours].all(axis=1)]
+    return stencils[lone, 1], distances[lone]
+
+
+def find_interpolation(times_ns: Int64, curve: SampledCurve, *, resolution: float) -> CurvatureEvenness | None:
+    """Return the stride of 2 to 20 for which samples lie most nearly on straight lines between every stride-th sample.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps, ns, strictly increasing.
+    curve
+        The N samples.
+    resolution
+        Rounding of a sample, in the unit of the curve. Strides whose curvature at knots is below a hundred times
+        this are left out.
+
+    Returns
+    -------
+    CurvatureEvenness or None
+        The least even one, for equal evenness that of the smallest stride; None where there is no curvature to
+        compare.
+    """
+    bends = np.linalg.norm(divided_differences(times_ns, curve, 2), axis=-1)
+    order = np.argsort(bends, kind="stable")
+    ranked = bends[order]
+    candidates = []
+    for stride in range(2, min(_LARGEST_STRIDE, len(bends) // _FEWEST_PERIODS) + 1):
+        # The bends are sorted once. The members of a phase, in order of rank, have their median in the middle.
+        phases = (order % stride).astype(np.uint8)
+        by_phase, counts = np.argsort(phases, kind="stable"), np.bincount(phases)
+        for ranks in np.split(by_phase, np.cumsum(counts)[:-1]):
+            at_knots = _mean_of_two(ranked[ranks[_median_ranks(len(ranks))]])
+            if at_knots > _CURVATURE_ROUNDINGS * resolution:
+                # Median of the bends that are not in ``ranks``: its rank among these, plus the members of ``ranks``
+                # below it.
+                among_rest = np.array(_median_ranks(len(bends) - len(ranks)))
+                of_rest = among_rest + np.searchsorted(ranks - np.arange(len(ranks)), among_rest, side="right")
+                candidates.append(CurvatureEvenness(_mean_of_two(ranked[of_rest]) / at_knots, stride))
+    return min(candidates, key=lambda candidate: (round(candidate.evenness, 2), candidate.stride), default=None)
+
+
+def _median_ranks(count: int) -> list[int]:
+    """Return the ranks of the two of ``count`` sorted numbers whose mean is the median."""
+    return [(count - 1) // 2, count // 2]
+
+
+def _mean_of_two(pair: Float64) -> float:
+    return float(pair[0] + pair[1]) / 2

@@ -1,0 +1,112 @@
+"""White noise of the samples of a smooth motion, from divided differences of neighbours.
+
+What remains of the motion is bounded: a filter of a lower degree passes more of it, and the difference of the two is
+the bound.
+"""
+
+from dataclasses import dataclass
+from math import comb
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.imu.sampled_curves import SampledCurve, divided_differences
+
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+
+_QUANTILE: Final = 0.9
+
+_QUANTILE_SIGMAS: Final = 1.644854
+
+_MEDIAN_SIGMAS: Final = 0.674490
+"""Quantile of absolute differences that gives sigma, and its value for unit normal noise. Jumps in one tenth of the
+differences move the estimate little."""
+
+_QUANTILE_COST: Final = 1.25
+"""Ratio of the standard errors of sigma from this quantile and from the mean square, for normal values."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseLevel:
+    """Standard deviation of white noise on each axis of each sample.
+
+    Attributes
+    ----------
+    sigma, standard_error
+        As measured, and its standard error for white noise, in the unit of the curve.
+    motion
+        Part of sigma that the motion may have added, in the same unit.
+    count
+        Number of differences that sigma is estimated from, of three axes each.
+    """
+
+    sigma: float
+    standard_error: float
+    motion: float
+    count: int
+
+
+def noise_level(times_ns: Int64, curve: SampledCurve, *, order: int) -> NoiseLevel | None:
+    """Return the standard deviation of white noise, from divided differences scaled to unit noise gain.
+
+    Sigma comes from the 90% quantile, so that a few jumps do not raise it. The part of the motion is the decrease of
+    sigma when the order rises by two.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps, ns, strictly increasing.
+    curve
+        The N samples.
+    order
+        Of the differences; those of a polynomial of lower degree are zero.
+
+    Returns
+    -------
+    NoiseLevel or None
+        In the unit of the curve; None where there are too few samples.
+    """
+    differences = divided_differences(times_ns, curve, order)
+    higher = divided_differences(times_ns, curve, order + 2)
+    if len(differences) < order or len(higher) < order:
+        return None
+    sigma = _sigma(differences)
+    # Neighbouring differences are correlated. For even timestamps and the order d, the variance of their mean square is
+    # sum_j (C(2d, d + j) / C(2d, d))^2 = C(4d, 2d) / C(2d, d)^2 times that of independent ones (Vandermonde's
+    # identity).
+    correlation = comb(4 * order, 2 * order) / comb(2 * order, order) ** 2
+    return NoiseLevel(
+        sigma=sigma,
+        standard_error=sigma * _QUANTILE_COST * float(np.sqrt(correlation / (2 * differences.size))),
+        motion=max(0.0, sigma - _sigma(higher)),
+        count=len(differences),
+    )
+
+
+def noise_evenness(times_ns: Int64, curve: SampledCurve, *, order: int) -> float:
+    """Return the standard deviation of noise by the median of differences over that by their 90% quantile.
+
+    It is 1 for white normal noise, and near 0 where what disturbs the samples does so at times, as jumps do.
+
+    Parameters
+    ----------
+    times_ns, curve, order
+        As of ``noise_level``.
+
+    Returns
+    -------
+    float
+        0 to about 1; 1 where there are too few samples, or where nothing is left of them.
+    """
+    differences = divided_differences(times_ns, curve, order)
+    of_tenth = _sigma(differences)
+    if len(differences) < order or not of_tenth > 0:
+        return 1.0
+    return float(np.median(np.abs(differences))) / _MEDIAN_SIGMAS / of_tenth
+
+
+def _sigma(values: Float64) -> float:
+    """Return the standard deviation of normal values from the 90% quantile of their absolute values."""
+    return float(np.quantile(np.abs(values), _QUANTILE)) / _QUANTILE_SIGMAS if values.size else 0.0
