@@ -17,8 +17,14 @@ range."""
 
 
 def propose_finite(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of values in a stream that are not finite, or out of range."""
-    return over_all_rates(alarm.statistic, _of_values)
+    """Return the causes of values in a stream that are not finite, or out of range: first a type that lost them."""
+    stream = alarm.finding.where.stream or ""
+    lossy = any(
+        problem.cause == "wrong_dtype" and problem.stream == stream and not problem.is_lossless
+        for problem in facts.layout.problems
+    )
+    of_type = (Hypothesis("wrong_dtype", stream, support("integrity.values_of_lossy_type")),) if lossy else ()
+    return (*of_type, *over_all_rates(alarm.statistic, _of_values))
 
 
 def propose_layout(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

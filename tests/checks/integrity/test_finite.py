@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.checks.integrity.finite import FALSE_ALARMS, empty_between_full, longest_displacement_px, run_of
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.tasks import check_file
 from fedora_qa.estimators.images.values import add_up, tally_depth, tally_flow, tally_samples
 from tests.support.checked import diagnoses_of, rules, run_check
 from tests.support.handmade import write_handmade
@@ -247,3 +249,16 @@ def test_empty_images(shares: list[float], empty: list[int]) -> None:
 def test_rows_that_were_not_seen_bound_nothing() -> None:
     """Between sampled windows the neighbours are unknown, and an empty image proves nothing."""
     assert empty_between_full([(3, 1.0), (4, 0.0), (20, 0.0), (21, 1.0)]) == []
+
+
+def test_values_that_a_type_cannot_hold_are_those_of_the_type(path: Path) -> None:
+    """Depth in 8 bits holds what is left of millimetres: neither a code nor another unit."""
+    with h5py.File(path, "r+") as file:
+        depth_mm, attributes = file[DEPTH][...], dict(file[DEPTH].attrs)
+        del file[DEPTH]
+        file[DEPTH] = np.nan_to_num(depth_mm).astype(np.int64).astype(np.uint8)
+        file[DEPTH].attrs.update(attributes)
+    checks = ("integrity.layout", "integrity.finite")
+    record = check_file(path, CheckOptions(select=checks, evidence=None)).record
+    assert {result.check for result in record.results if result.outcome == "failed"} == set(checks)
+    assert [(d.cause, d.stream) for d in record.diagnoses] == [("wrong_dtype", "depth")]
