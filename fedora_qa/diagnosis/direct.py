@@ -84,13 +84,13 @@ CHECKS_OF_CLOCKS: Final = frozenset({"clocks.order", "clocks.rate"})
 _BY_CONSTRUCTION: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "unsorted": ("clocks.order",),
-        "clock_rate": ("clocks.rate", "clocks.resolution"),
-        "time_offset": ("clocks.resolution",),
+        "clock_rate": ("clocks.rate", "clocks.resolution", "images.repeats"),
+        "time_offset": ("clocks.resolution", "images.repeats"),
     }
 )
-"""Checks of timestamps whose findings vanish with a fault undone, whatever their cause is: sorted timestamps are in
-order, timestamps that are stretched by the measured rate have the nominal one, and those that were moved or stretched
-do not lie on the grid on which they were."""
+"""Checks whose findings vanish with a fault undone, whatever their cause is: sorted timestamps are in order, timestamps
+that are stretched by the measured rate have the nominal one, those that were moved or stretched do not lie on the grid
+on which they were, and frames that were moved out of the measured time repeat no other."""
 
 
 def check_of_code(code: str) -> str:

@@ -491,3 +491,14 @@ def test_a_scale_near_one_is_no_unit_whatever_undoing_it_proves() -> None:
     scaled = alarm(1, Hypothesis("unit_mm_m", "depth", 0.9, 1.02, "1", 1e-5), code="depth.scale.factor", stream="depth")
     (diagnosis,) = diagnosed([scaled], {("unit_mm_m", "depth"): tried("F1")})
     assert diagnosis.cause == "unknown"
+
+
+def test_frames_that_were_moved_out_of_the_windows_repeat_nothing_there() -> None:
+    """Frames that repeat bit by bit do so at any time: a delay that clears them clears nothing of them."""
+    late = Hypothesis("time_offset", "rgb", 0.6, 40.0, "ms")
+    shown = [
+        alarm(1, Hypothesis("frozen_frames", "rgb", 0.9, 8.0, "samples"), late, code="images.repeats.frames"),
+        alarm(2, Hypothesis("frozen_frames", "rgb", 0.7), late, code="images.order.share"),
+    ]
+    first, *_ = diagnosed(shown, {("time_offset", "rgb"): tried("F1", "F2", size=40.0)})
+    assert first.cause == "frozen_frames"
