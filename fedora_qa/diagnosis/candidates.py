@@ -7,6 +7,7 @@ from typing import Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
+from fedora_qa.diagnosis.proposed_faults import is_length_unit
 
 UNKNOWN: Final = "unknown"
 """Name of the cause of a finding without a hypothesis."""
@@ -104,6 +105,7 @@ def gather_candidates(
                     key = hypothesis.cause, hypothesis.stream, finding, hypothesis.magnitude > 0
                     if key not in by_sign or _fit(by_sign[key]) < _fit(hypothesis):
                         by_sign[key] = hypothesis
+    _keep_units(evidence)
     # A fault of all rates of flow also explains the findings of one rate.
     for cause, stream in list(evidence):
         if stream == stream_family(stream):
@@ -128,6 +130,15 @@ def gather_candidates(
         if of_one_sign:
             candidates.append(CauseCandidate(cause, stream, of_one_sign, weights))
     return candidates
+
+
+def _keep_units(evidence: dict[tuple[str, str], dict[str, Hypothesis]]) -> None:
+    """Remove factors of lengths that are no ratio of units where a check states one: others fit what is left of it."""
+    for (cause, _), of_cause in evidence.items():
+        factors = {finding: h.magnitude for finding, h in of_cause.items() if cause == "unit_mm_m" and h.magnitude}
+        if any(map(is_length_unit, factors.values())):
+            for finding in (f for f, factor in factors.items() if not is_length_unit(factor)):
+                del of_cause[finding]
 
 
 def _add_findings_of_any_cause(

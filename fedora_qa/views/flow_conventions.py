@@ -38,6 +38,9 @@ _LEAST_MOTION: Final = 1e-3
 """Least rotation of the body in an interval, rad, least translation, m, and least sine of the angle between both, from
 which a mounting is computed. The value is not derived: with less, a trial of the mounting shows what it is worth."""
 
+_FAR_TURN_RAD: Final = 0.26
+"""Rotation, 15 deg, up to which the fit of an error of the mounting holds, which is linear; more are computed."""
+
 _SAME_MOTION: Final = 0.02
 """Largest relative difference of the lengths of two motions that are one, seen by two frames. Not derived, likewise."""
 
@@ -355,7 +358,7 @@ def _with_other_poses(
 
 
 def _turned_mounting(track: PoseTrack, interval: Interval, sample: FlowSample) -> PoseTrack | None:
-    """Return the track with the mounting under which the body moves as flow and depth show; None without such a one.
+    """Return the track with a mounting turned far, under which the body moves as flow and depth show; None without one.
 
     With the rotation R from camera to body, the motion of points in the camera is R^T times that in a frame at the same
     place with the axes of the body: of the rotation vector and of the translation. The two directions state R
@@ -379,7 +382,8 @@ def _turned_mounting(track: PoseTrack, interval: Interval, sample: FlowSample) -
     R_body_camera, _ = Rotation.align_vectors(body, camera)
     T_body_camera = in_body.copy()
     T_body_camera[:3, :3] = R_body_camera.as_matrix()
-    return track.mounted(T_body_camera)
+    turn_rad = np.linalg.norm(log(T_body_camera[:3, :3].T @ track.camera.T_body_camera[:3, :3]))
+    return track.mounted(T_body_camera) if turn_rad > _FAR_TURN_RAD else None
 
 
 def other_mountings(T_body_camera: Float64) -> list[Float64]:

@@ -502,3 +502,15 @@ def test_frames_that_were_moved_out_of_the_windows_repeat_nothing_there() -> Non
     ]
     first, *_ = diagnosed(shown, {("time_offset", "rgb"): tried("F1", "F2", size=40.0)})
     assert first.cause == "frozen_frames"
+
+
+def test_a_factor_that_another_fault_has_bent_gives_no_size_beside_that_of_a_unit() -> None:
+    """Positions in feet beside another fault: the one fit is 3.2808, and the other, with a smaller error, 2.9."""
+    shown = [
+        alarm(
+            1, Hypothesis("unit_mm_m", "pose", 0.9, 3.2808, "1", 1e-3), code="imu.translation.residual", stream="imu"
+        ),
+        alarm(2, Hypothesis("unit_mm_m", "pose", 0.9, 2.9, "1", 1e-6), code="depth.scale.factor", stream="depth"),
+    ]
+    (candidate,) = rank_of(shown, {})
+    assert candidate.size.magnitude == 3.2808

@@ -88,7 +88,8 @@ def noise_level(times_ns: Int64, curve: SampledCurve, *, order: int) -> NoiseLev
 def noise_evenness(times_ns: Int64, curve: SampledCurve, *, order: int) -> float:
     """Return the standard deviation of noise by the median of differences over that by their 90% quantile.
 
-    It is 1 for white normal noise, and near 0 where what disturbs the samples does so at times, as jumps do.
+    It is 1 for white normal noise, and near 0 where what disturbs the samples does so at times, as jumps do. Samples
+    before the first disturbance and behind the last are left out: noise may begin and end.
 
     Parameters
     ----------
@@ -102,9 +103,11 @@ def noise_evenness(times_ns: Int64, curve: SampledCurve, *, order: int) -> float
     """
     differences = divided_differences(times_ns, curve, order)
     of_tenth = _sigma(differences)
-    if len(differences) < order or not of_tenth > 0:
+    disturbed = np.flatnonzero(np.abs(differences).max(axis=-1, initial=0.0) > of_tenth)
+    if len(differences) < order or not of_tenth > 0 or not len(disturbed):
         return 1.0
-    return float(np.median(np.abs(differences))) / _MEDIAN_SIGMAS / of_tenth
+    between = np.abs(differences[disturbed[0] : disturbed[-1] + 1])
+    return float(np.median(between)) / _MEDIAN_SIGMAS / of_tenth
 
 
 def _sigma(values: Float64) -> float:

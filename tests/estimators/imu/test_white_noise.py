@@ -81,6 +81,8 @@ def test_noise_is_in_every_sample_and_jumps_are_not(times_ns: NDArray[np.int64])
     motion = RESTLESS.positions_m(times_ns * 1e-9)
     noise = 0.003 * np.random.default_rng(7).standard_normal(motion.shape)
     assert noise_evenness(times_ns, VectorSamples(motion + noise), order=8) == pytest.approx(1.0, abs=0.1)
+    for_a_while = noise * (np.abs(np.arange(len(motion)) - 300) < 60)[:, np.newaxis]
+    assert noise_evenness(times_ns, VectorSamples(motion + for_a_while), order=8) > 0.5
     taking_turns = motion + 0.05 * (np.arange(len(motion)) // 26 % 2)[:, np.newaxis]
     assert noise_evenness(times_ns, VectorSamples(taking_turns), order=8) < 0.01
     assert noise_evenness(times_ns[:9], VectorSamples(motion[:9]), order=8) == 1.0
