@@ -499,8 +499,11 @@ def summarise(
     starts = runs * (len(lengths) // count) + np.minimum(runs, len(lengths) % count)
     is_longest = lengths == np.repeat(np.maximum.reduceat(lengths, starts), np.diff(starts, append=len(lengths)))
     longest = np.minimum.reduceat(np.where(is_longest, numbers, len(numbers)), starts)
-    weighted = (of_rows / rows.sigmas for rows, of_rows in zip(segments, residuals, strict=True))
-    left = sum(float(np.sum(np.square(of_rows))) for of_rows in weighted)
+    # Near its limit a parameter is measured and not freed: all of them count.
+    all_values = fit.values_of_all() - linearised_at
+    left = sum(
+        float(np.sum(np.square((rows.residuals - rows.jacobians @ all_values) / rows.sigmas))) for rows in segments
+    )
     bias, gain = partial_bias(declared, centre=centre, left_by_whole=left), None
     if "scale" in fit.parameters.names:
         column = fit.parameters.names.index("scale")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.estimators.imu.preintegration import ROTATION_PARAMETERS, rotation_rows
+from fedora_qa.estimators.imu.sequence_fit import ROTATION, fit_inertial
 from fedora_qa.estimators.imu.specific_force import translation_rows
 from fedora_qa.estimators.imu.summary import PartialBias, bias_drift, partial_bias, partial_gain
 from tests.support.motion_world import EXACT, NOISY, sample_motion
@@ -111,3 +112,13 @@ def test_a_gain_of_the_whole_sequence_is_none_of_a_part() -> None:
     samples = sample_motion()
     samples.angular_velocities_body_rad_s[:] *= 2.0
     assert partial_gain([rotation_rows(samples, EXACT)], column=SCALE, centre=0.5) is None
+
+
+@pytest.mark.parametrize("bias_rad_s", np.geomspace(1e-9, 1e-5, 9).tolist())
+def test_a_bias_of_the_whole_sequence_is_no_gain_of_a_part_however_small(bias_rad_s: float) -> None:
+    """Below the noise a gain of some part removes all that exceeds it, which is nothing; the whole leaves less."""
+    samples = sample_motion()
+    samples.angular_velocities_body_rad_s[:] += bias_rad_s * np.array([1.0, 0.0, 0.0])
+    fit = fit_inertial(samples, EXACT, ROTATION, bias_walk=0.0)
+    assert fit is not None
+    assert fit.partial_gain is None
