@@ -84,7 +84,7 @@ _ALL: Final = (
           "Declare them in /metadata/events, or remove their events."),
     Cause("unit_mm_m", ("depth", "pose"), "1", "lengths are in another unit than declared",
           "Write depth in millimetres and positions in metres."),
-    Cause("unit_deg_rad", ("imu",), "1", "angles are in degrees",
+    Cause("unit_deg_rad", ("imu",), "1", "angles are in another unit than radians",
           "Write angular velocity in rad/s."),
     Cause("flow_unit", ("flow",), "1", "flow is not in pixels over its interval",
           "Write the displacement over the interval, in px, neither divided nor multiplied by the time."),

@@ -305,7 +305,7 @@ def convention_hypotheses(kind: MotionKind, convention: InertialConvention) -> t
     """
     declared, strength = InertialConvention(), support("imu.convention") * convention.explained
     hypotheses: list[Hypothesis] = []
-    if "wxyz" in convention.quaternions:
+    if convention.component_order is not None:
         hypotheses.append(Hypothesis("quaternion_order", "pose", strength))
     if "inverse" in convention.quaternions:
         hypotheses.append(Hypothesis("quaternion_inverted", "pose", strength))
@@ -321,6 +321,8 @@ def convention_hypotheses(kind: MotionKind, convention: InertialConvention) -> t
     if kind == "translation" and convention.sensor_axes == _OPPOSITE and convention.up == declared.up:
         # All axes reversed are the other sign of the accelerometer.
         return (*hypotheses, Hypothesis("gravity_sign", "imu", strength))
+    if convention.sensor_frame != declared.sensor_frame:
+        hypotheses.append(Hypothesis("frame_convention", "imu", strength))
     if convention.sensor_axes != declared.sensor_axes or convention.up != declared.up:
         # Either the sensor is rotated, or the body of the poses, which also rotates gravity in the world.
         cause = axes_cause(convention.sensor_axes)

@@ -10,6 +10,7 @@ from fedora_qa.checks.pose.continuity import PairedSteps, PoseJump, PoseTransfor
 from fedora_qa.checks.pose.orientation import RoundedComponents
 from fedora_qa.conventions import MM_PER_M, NS_PER_MS
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
+from fedora_qa.estimators.imu.conventions import Axes
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import PoseModel
@@ -108,8 +109,8 @@ def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Mapping[str, float]
     )
 
 
-def axes_cause(axes: tuple[tuple[int, ...], ...]) -> str:
-    """Return the cause of a signed permutation of axes: an exchange of two, or another convention."""
+def axes_cause(axes: Axes) -> str:
+    """Return the cause of axes: an exchange of two, or another convention."""
     matrix = np.array(axes)
     # An exchange of two axes has no negative entry and leaves one axis in place: trace 1. A cyclic one has trace 0.
     return "axes_swapped" if np.all(matrix >= 0) and int(np.trace(matrix)) == 1 else "frame_convention"

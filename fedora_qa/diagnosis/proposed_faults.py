@@ -24,14 +24,26 @@ from fedora_qa.diagnosis.proposed_motion_faults import (
     angle_unit,
     component_orders,
     displaced_positions,
-    gravity,
+    gravity_magnitude,
     gyro_bias,
     inertial_conventions,
     lever_arm,
     vector_axes,
 )
 from fedora_qa.estimators.clocks.regular_clock import DisplacedSegment, SlewedSegment, displaced_part, slewed_part
-from fedora_qa.faults import axes, clocks, declarations, flow, images, index_maps, motion, pixels, row_order, units
+from fedora_qa.faults import (
+    axes,
+    clocks,
+    declarations,
+    flow,
+    gravity,
+    images,
+    index_maps,
+    motion,
+    pixels,
+    row_order,
+    units,
+)
 from fedora_qa.faults.fault import Matrix3, RowRange
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
@@ -236,6 +248,7 @@ def _other_axes(fit: FittedCause) -> Faults:
         # What the IMU states of the whole file leaves no other convention of attitudes.
         if fit.stream == "pose" and not any(rows is None for _, rows in inertial_conventions(fit)):
             yield motion.AngleOrder()
+            yield motion.AngleOrder(were_taken_so=True)
             yield axes.VectorAxes(fit.stream, _NED_FROM_ENU, _FRD_FROM_FLU)
             yield axes.VectorAxes(fit.stream, _NED_FROM_ENU)
             yield axes.VectorAxes(fit.stream, SAME_AXES, _FRD_FROM_FLU)
@@ -402,9 +415,9 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "quaternion_inverted": lambda _: iter([motion.QuaternionInversion(), motion.PoseInversion()]),
         "quaternion_order": component_orders,
         "quaternion_not_unit": lambda fit: iter([motion.QuaternionLength(fit.size)]),
-        "gravity_missing": lambda _: iter([motion.GravityError("gravity_missing"), motion.GravityAlongBody()]),
-        "gravity_sign": lambda _: iter([motion.GravityError("gravity_sign"), motion.ForceSign()]),
-        "gravity_magnitude": gravity,
+        "gravity_missing": lambda _: iter([gravity.GravityError("gravity_missing"), gravity.GravityAlongBody()]),
+        "gravity_sign": lambda _: iter([gravity.GravityError("gravity_sign"), gravity.ForceSign()]),
+        "gravity_magnitude": gravity_magnitude,
         "gyro_bias": gyro_bias,
         "accel_bias": accel_bias,
         "teleport": displaced_positions,

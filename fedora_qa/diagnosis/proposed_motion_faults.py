@@ -1,10 +1,11 @@
 """The faults of poses and of the IMU that a trial undoes, with axes and sizes from their conventions and fits."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import isinf
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.checks.pose.continuity import DisplacedPositions
 from fedora_qa.conventions import NS_PER_US
@@ -13,20 +14,29 @@ from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.imu import HALF_TURN
 from fedora_qa.diagnosis.measured_sizes import vector
 from fedora_qa.estimators.imu.conventions import InertialConvention, signed_permutations
-from fedora_qa.faults import axes, declarations, motion, units
+from fedora_qa.faults import axes, declarations, gravity, motion, units
 from fedora_qa.faults.fault import Matrix3, RowRange, Vector3
+from fedora_qa.geometry import so3
 from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 from fedora_qa.views.sample_defects import LoneSamples, NoiseAtTimes
 
 SAME_AXES: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+_SENSORS: Final[Mapping[MotionKind, gravity.Sensor]] = {"rotation": "gyro", "translation": "accelerometer"}
+"""The sensor that is compared with poses, by the kind of the comparison."""
 
 
 def vector_axes(fit: FittedCause) -> Faults:
     """Yield axes of poses or of the IMU under which both agree."""
     cause: Any = fit.cause
     of_vertical = [feature.convention for feature, _ in inertial_conventions(fit) if feature.kind == "translation"]
+    in_world = [each.kind for each, _ in inertial_conventions(fit) if each.convention.sensor_frame == "world"]
+    if fit.stream == "imu" and in_world:
+        yield gravity.SensorsInWorld(tuple(_SENSORS[kind] for kind in in_world))
     for feature, rows in inertial_conventions(fit):
         convention = feature.convention
+        if convention.sensor_frame == "world":
+            continue
         if fit.stream == "pose" and feature.kind == "rotation" and any(map(convention.turns_as, of_vertical)):
             # Rates state neither the handedness of the axes nor the vertical, which specific forces have stated.
             continue
@@ -53,6 +63,9 @@ def _world_of(convention: InertialConvention, body: Matrix3) -> Matrix3:
     Which of its horizontal axes points north has no influence on what the streams measure.
     """
     up = np.array(convention.up) * (-1 if convention.gravity == "reversed" else 1)
+    if np.count_nonzero(up) > 1:
+        # The shortest rotation that takes the vertical of the format there: of a proper body, as a tilt is no mirror.
+        return _shortest_rotation(up)
     right_handed = np.linalg.det(body) > 0
     worlds = (_matrix(candidate) for candidate in signed_permutations())
     possible = [
@@ -62,6 +75,13 @@ def _world_of(convention: InertialConvention, body: Matrix3) -> Matrix3:
     ]
     # Of four the one nearest to the axes of the format.
     return max(possible, key=lambda world: float(np.trace(world)))
+
+
+def _shortest_rotation(up: NDArray[np.float64]) -> Matrix3:
+    """Return the rotation about a horizontal axis that takes Z to a unit vector."""
+    axis = np.cross((0.0, 0.0, 1.0), up)
+    angle = np.arctan2(np.linalg.norm(axis), up[2])
+    return _matrix(so3.exp(axis / np.linalg.norm(axis) * angle).tolist())
 
 
 def inertial_conventions(fit: FittedCause) -> Iterator[tuple[InertialConventionTrial, RowRange | None]]:
@@ -90,10 +110,13 @@ def angle_unit(fit: FittedCause) -> Faults:
 
 
 def component_orders(fit: FittedCause) -> Faults:
-    """Yield w first, and before it the order of components that were put first twice where rates have its axes."""
-    if any(each.convention.sensor_axes == HALF_TURN for each, rows in inertial_conventions(fit) if rows is None):
-        yield motion.QuaternionOrder((2, 3, 0, 1))
-    yield motion.QuaternionOrder()
+    """Yield orders under which IMU and poses agree, w put first twice where rates have its axes, and w first."""
+    conventions = [each.convention for each, rows in inertial_conventions(fit) if rows is None]
+    orders = [motion.QuaternionOrder(each.component_order, each.quaternions.endswith("inverse"))
+              for each in conventions if each.component_order is not None]  # fmt: skip
+    if any(each.sensor_axes == HALF_TURN for each in conventions):
+        orders.append(motion.QuaternionOrder((2, 3, 0, 1)))
+    yield from dict.fromkeys((*orders, motion.QuaternionOrder()))
 
 
 def _matrix(rows: Sequence[Sequence[float]]) -> Matrix3:
@@ -101,10 +124,10 @@ def _matrix(rows: Sequence[Sequence[float]]) -> Matrix3:
     return first, second, third
 
 
-def gravity(fit: FittedCause) -> Faults:
+def gravity_magnitude(fit: FittedCause) -> Faults:
     """Yield the magnitude of gravity that the specific forces show, or that is declared."""
     if fit.stream == "imu":
-        yield motion.GravityError("gravity_magnitude", fit.size)
+        yield gravity.GravityError("gravity_magnitude", fit.size)
     else:
         yield declarations.GravityMisdeclared(fit.size)
 

@@ -1,8 +1,8 @@
-"""Faults of IMU and pose values, and their canaries; those of the axes in which they are written: ``axes.py``."""
+"""Faults of IMU and pose values, and their canaries; those of axes are in ``axes.py``, of gravity in ``gravity.py``."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, Literal
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fedora_qa.faults.canary_conditions import CanaryConditions
 from fedora_qa.faults.fault import (
     Fault,
-    InapplicableError,
     Matrix3,
     Read,
     RowRange,
@@ -21,7 +20,6 @@ from fedora_qa.faults.fault import (
     values,
 )
 from fedora_qa.geometry import so3
-from fedora_qa.geometry.motion import STENCIL, interpolate_poses
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -29,7 +27,6 @@ Float64 = NDArray[np.float64]
 
 _GYRO, _ACCEL = "path/imu/angular_velocity", "path/imu/linear_acceleration"
 _POSITION, _ORIENTATION = "path/pose/position", "path/pose/orientation"
-_UP: Final = np.array([0.0, 0.0, 1.0])
 
 _LEAST_STRETCH: Final = 1e-3
 
@@ -172,92 +169,6 @@ class PoseLeverArm:
 
 
 @dataclass(frozen=True, slots=True)
-class GravityError:
-    """Specific force contains gravity with a wrong factor: ``f + e g R_body_world (0, 0, 1)``, g the declared gravity.
-
-    Attitudes are those of the pose, interpolated at IMU times; beyond the poses the nearest.
-
-    Attributes
-    ----------
-    cause
-        ``gravity_missing``, ``gravity_sign`` or ``gravity_magnitude``.
-    excess_m_s2
-        e g, of ``gravity_magnitude``: positive if the gravity of the samples exceeds the declared one. The other
-        causes have e = -1 and e = -2.
-    """
-
-    cause: Literal["gravity_missing", "gravity_sign", "gravity_magnitude"]
-    excess_m_s2: float = 0.0
-    stream: ClassVar[str] = "imu"
-
-    @property
-    def magnitude(self) -> float | None:
-        """Excess of gravity, m/s^2; None for causes without a size."""
-        return self.excess_m_s2 if self.cause == "gravity_magnitude" else None
-
-    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Add the wrong part."""
-        upward_m_s2 = self._upward_m_s2(facts)
-        description = f"specific force has {upward_m_s2:+.4g} m/s^2 along the vertical"
-        return _lifted(facts, sequence, description, upward_m_s2)
-
-    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Subtract the wrong part."""
-        upward_m_s2 = -self._upward_m_s2(facts)
-        return _lifted(facts, sequence, f"{upward_m_s2:+.4g} m/s^2 added along the vertical", upward_m_s2)
-
-    def _upward_m_s2(self, facts: Facts) -> float:
-        if self.cause == "gravity_magnitude":
-            return self.excess_m_s2
-        if facts.declared.imu is None:
-            raise InapplicableError("Expected a declared gravity, got none")
-        return (-1 if self.cause == "gravity_missing" else -2) * facts.declared.imu.gravity
-
-
-@dataclass(frozen=True, slots=True)
-class GravityAlongBody:
-    """Gravity was subtracted from the body's Z axis, whatever the attitude is."""
-
-    cause: ClassVar[str] = "gravity_missing"
-    stream: ClassVar[str] = "imu"
-    magnitude: ClassVar[None] = None
-
-    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Subtract the declared gravity."""
-        return self._changed(facts, "gravity is subtracted along the body's Z axis", -1.0)
-
-    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Add the declared gravity."""
-        return self._changed(facts, "gravity added along the body's Z axis", 1.0)
-
-    def _changed(self, facts: Facts, description: str, sign: float) -> Fault:
-        if facts.declared.imu is None:
-            raise InapplicableError("Expected a declared gravity, got none")
-        return _displaced(facts, _ACCEL, description, (0.0, 0.0, sign * facts.declared.imu.gravity), None)
-
-
-@dataclass(frozen=True, slots=True)
-class ForceSign:
-    """Specific forces have the opposite sign: at rest the accelerometer measures gravity and not what opposes it."""
-
-    cause: ClassVar[str] = "gravity_sign"
-    stream: ClassVar[str] = "imu"
-    magnitude: ClassVar[None] = None
-
-    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Reverse the sign."""
-        return self._reversed(facts)
-
-    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Reverse it again."""
-        return self._reversed(facts)
-
-    def _reversed(self, facts: Facts) -> Fault:
-        streams_in(facts, self.stream)
-        return Fault("the sign of specific forces is reversed", {_ACCEL: values(np.negative)})
-
-
-@dataclass(frozen=True, slots=True)
 class QuaternionOrder:
     """Components of quaternions are in another order.
 
@@ -265,9 +176,12 @@ class QuaternionOrder:
     ----------
     order
         Which of x, y, z, w (0 to 3) is stored at each place: (3, 0, 1, 2) for w, x, y, z.
+    inverted
+        Whether they rotate from world to body, too.
     """
 
     order: tuple[int, int, int, int] = (3, 0, 1, 2)
+    inverted: bool = False
     cause: ClassVar[str] = "quaternion_order"
     stream: ClassVar[str] = "pose"
     magnitude: ClassVar[None] = None
@@ -276,12 +190,17 @@ class QuaternionOrder:
         """Store the components in this order."""
         order = list(self.order)
         description = f"quaternions are {', '.join('xyzw'[place] for place in order)}"
-        return _of_orientations(facts, description, lambda q: q[:, order])
+        if self.inverted:
+            description += ", from world to body"
+        return _of_orientations(facts, description, lambda q: (so3.inverse(q) if self.inverted else q)[:, order])
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Return to x, y, z, w."""
-        inverse = np.argsort(self.order)
-        return _of_orientations(facts, "quaternions back to x, y, z, w", lambda q: q[:, inverse])
+        places = np.argsort(self.order)
+        description = "quaternions back to x, y, z, w" + (", from body to world" if self.inverted else "")
+        return _of_orientations(
+            facts, description, lambda q: so3.inverse(q[:, places]) if self.inverted else q[:, places]
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,26 +225,40 @@ class AngleOrder:
     """Yaw, pitch and roll were combined in reverse order: ``R' = R_x(roll) R_y(pitch) R_z(yaw)``.
 
     Written are the angles of ``R = R_z(yaw) R_y(pitch) R_x(roll)``, as of ``ZYX`` taken for ``XYZ``.
+
+    Attributes
+    ----------
+    were_taken_so
+        Whether angles were taken in the reverse order and combined in the right one instead: R' for R, and R for R'.
     """
 
+    were_taken_so: bool = False
     cause: ClassVar[str] = "frame_convention"
     stream: ClassVar[str] = "pose"
     magnitude: ClassVar[None] = None
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Combine the angles in reverse order."""
-        # (R_x(roll) R_y(pitch) R_z(yaw))^-1 = R_z(-yaw) R_y(-pitch) R_x(-roll)
-        return _of_orientations(
-            facts, "yaw, pitch and roll are combined in reverse order", lambda q: so3.inverse(_with_angles_negated(q))
-        )
+        if self.were_taken_so:
+            return _of_orientations(facts, "yaw, pitch and roll are taken in reverse order", _from_reverse_order)
+        return _of_orientations(facts, "yaw, pitch and roll are combined in reverse order", _in_reverse_order)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Combine the angles in the order in which they were taken."""
-        return _of_orientations(
-            facts,
-            "yaw, pitch and roll are combined in the other order",
-            lambda q: _with_angles_negated(so3.inverse(q)),
-        )
+        if self.were_taken_so:
+            return _of_orientations(facts, "yaw, pitch and roll are taken in the other order", _in_reverse_order)
+        return _of_orientations(facts, "yaw, pitch and roll are combined in the other order", _from_reverse_order)
+
+
+def _in_reverse_order(orientations_xyzw: Float64) -> Float64:
+    """Return ``R_x(roll) R_y(pitch) R_z(yaw)`` of ``R_z(yaw) R_y(pitch) R_x(roll)``, as quaternions (n, 4)."""
+    # (R_x(roll) R_y(pitch) R_z(yaw))^-1 = R_z(-yaw) R_y(-pitch) R_x(-roll)
+    return so3.inverse(_with_angles_negated(orientations_xyzw))
+
+
+def _from_reverse_order(orientations_xyzw: Float64) -> Float64:
+    """Return the inverse of ``_in_reverse_order``."""
+    return _with_angles_negated(so3.inverse(orientations_xyzw))
 
 
 def _with_angles_negated(orientations_xyzw: Float64) -> Float64:
@@ -461,37 +394,6 @@ def _displaced(facts: Facts, key: str, description: str, vector: Vector3, rows: 
 def _of_orientations(facts: Facts, description: str, alter: Callable[[NDArray[Any]], NDArray[Any]]) -> Fault:
     streams_in(facts, "pose")
     return Fault(description, {_ORIENTATION: values(alter)})
-
-
-def _lifted(facts: Facts, sequence: SequenceRows, description: str, upward_m_s2: float) -> Fault:
-    """Return the fault that adds an acceleration along the vertical of the world to specific forces."""
-    for stream in ("imu", "pose"):
-        streams_in(facts, stream)
-    clock, times_ns = facts.clocks["pose"], facts.clocks["imu"].times_ns
-    pose_rows = np.flatnonzero(clock.advancing)
-    pose_ns = clock.times_ns[pose_rows]
-    if not len(pose_ns):
-        raise InapplicableError("Expected poses with timestamps that advance, got none")
-
-    def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
-        forces = read(start, stop)
-        if start >= stop:
-            return forces
-        at_ns = np.clip(times_ns[start:stop], pose_ns[0], pose_ns[-1])
-        # The poses around these times, with all that the interpolation uses.
-        first = max(int(np.searchsorted(pose_ns, at_ns.min())) - STENCIL, 0)
-        last = min(int(np.searchsorted(pose_ns, at_ns.max())) + STENCIL, len(pose_ns) - 1)
-        chosen = pose_rows[first : last + 1]
-        q = sequence.rows(_ORIENTATION, int(chosen[0]), int(chosen[-1]) + 1)[chosen - chosen[0]]
-        near_ns = pose_ns[first : last + 1]
-        R_world_body, _ = interpolate_poses(near_ns, np.zeros((len(q), 3)), q, at_ns=at_ns)
-        # Within a gap of the poses the attitude is the one of the pose before it.
-        held = np.flatnonzero(np.isnan(R_world_body).any(axis=(1, 2)))
-        R_world_body[held] = so3.matrices_from_quaternions(q[np.searchsorted(near_ns, at_ns[held], "right") - 1])
-        # R_body_world up = R_world_body^T up.
-        return np.asarray(forces + upward_m_s2 * np.einsum("nji,j->ni", R_world_body, _UP))
-
-    return Fault(description, {_ACCEL: alter})
 
 
 def long_quaternions(conditions: CanaryConditions) -> Fault:

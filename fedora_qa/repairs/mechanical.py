@@ -20,6 +20,7 @@ from fedora_qa.faults import (
     clocks,
     declarations,
     flow,
+    gravity,
     images,
     index_maps,
     motion,
@@ -56,7 +57,7 @@ def _only_lengths(fault: images.RayLength) -> str:
 
 _CODES: Final = "Codes of 8 bits have lost information: rounding merges codes, and white is clipped; render again."
 _BIAS: Final = "A bias is an estimate, and differs between samples: declare it, or remove it at its source."
-_GRAVITY: Final = "The vertical is known only from noisy orientations, whose errors would enter every sample."
+_GRAVITY: Final = "The attitude is known only from noisy orientations, whose errors would enter every sample."
 
 MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
     {
@@ -100,14 +101,15 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         motion.AccelBias: _BIAS,
         motion.Teleport: "The size of a jump is an estimate, and positions between the jumps may be lost.",
         motion.PoseLeverArm: "The arm is an estimate, and noise of the orientations would enter every position.",
-        motion.GravityError: _GRAVITY,
+        gravity.GravityError: _GRAVITY,
+        gravity.SensorsInWorld: _GRAVITY,
         motion.QuaternionOrder: _MECHANICAL,
         motion.QuaternionInversion: _MECHANICAL,
         motion.PoseInversion: _MECHANICAL,
         motion.AngleOrder: _MECHANICAL,
         motion.AngleSense: _MECHANICAL,
-        motion.GravityAlongBody: _MECHANICAL,
-        motion.ForceSign: _MECHANICAL,
+        gravity.GravityAlongBody: _MECHANICAL,
+        gravity.ForceSign: _MECHANICAL,
         motion.QuaternionLength: _MECHANICAL,
         units.LengthUnit: _MECHANICAL,
         units.AngleUnit: _MECHANICAL,

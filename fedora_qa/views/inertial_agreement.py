@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import group_of
-from fedora_qa.estimators.imu.conventions import AngleSigns, InertialConvention, explain_forces, explain_rates
+from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
 from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, fit_inertial
 from fedora_qa.estimators.imu.specific_force import upright
@@ -364,7 +364,10 @@ def convention_trial(streams: InertialStreams, kind: MotionKind, fit: InertialFi
         if kind == "rotation":
             convention = explain_rates(samples, rotation_rad)
         else:
-            convention = explain_forces(samples, streams.noise.gravity_m_s2, position_m, _angle_signs(streams))
+            by_rates = _convention_of_rates(streams)
+            convention = explain_forces(
+                samples, streams.noise.gravity_m_s2, position_m, by_rates.angle_signs, by_rates.sensor_axes
+            )
         # The declared convention has the complexity 0; it reduces no residual.
         if convention is not None and convention.complexity > 0:
             streams.trials[kind] = InertialConventionTrial(convention, interval_s, kind)
@@ -372,13 +375,11 @@ def convention_trial(streams: InertialStreams, kind: MotionKind, fit: InertialFi
     return streams.trials[kind]
 
 
-def _angle_signs(streams: InertialStreams) -> AngleSigns:
-    """Return the signs of angles under which angular velocities of the whole sequence agree."""
+def _convention_of_rates(streams: InertialStreams) -> InertialConvention:
+    """Return the convention under which angular velocities of the whole sequence agree: the declared one if none."""
     fit = fit_of(streams, "rotation")
     trial = None if fit is None else convention_trial(streams, "rotation", fit)
-    if trial is None or trial.interval_s is not None:
-        return InertialConvention().angle_signs
-    return trial.convention.angle_signs
+    return InertialConvention() if trial is None or trial.interval_s is not None else trial.convention
 
 
 def is_implausible(fit: InertialFit) -> bool:

@@ -30,6 +30,7 @@ from fedora_qa.faults.declarations import (
 )
 from fedora_qa.faults.fault import FaultySequence, ReversibleFault
 from fedora_qa.faults.flow import FlowIntervalShift
+from fedora_qa.faults.gravity import ForceSign, GravityAlongBody, GravityError, SensorsInWorld
 from fedora_qa.faults.images import (
     ChannelOrder,
     ExposureGain,
@@ -44,9 +45,6 @@ from fedora_qa.faults.motion import (
     AccelBias,
     AngleOrder,
     AngleSense,
-    ForceSign,
-    GravityAlongBody,
-    GravityError,
     GyroBias,
     PoseInversion,
     PoseLeverArm,
@@ -171,13 +169,14 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(FilmFocalLength, st.sampled_from([36.0, 23.76]), st.just(("rgb", "events")), st.just(0.0)), rounded),
     (st.builds(IntrinsicsOfSize, st.just("events"), st.integers(20, 900), st.integers(20, 900), st.just(0.0)), rounded),
     (st.builds(PoseLeverArm, vectors), rounded),
-    (st.builds(QuaternionOrder, st.permutations(range(4)).map(tuple)), exact),
+    (st.builds(QuaternionOrder, st.permutations(range(4)).map(tuple), st.booleans()), exact),
     (st.just(QuaternionInversion()), exact),
     (st.just(PoseInversion()), rounded),
-    (st.just(AngleOrder()), rounded),
+    (st.builds(AngleOrder, st.booleans()), rounded),
     (st.builds(AngleSense, st.tuples(signs, signs, signs), quarter_turns), rounded),
     (st.just(ForceSign()), exact),
     (st.just(GravityAlongBody()), rounded),
+    (st.builds(SensorsInWorld, st.sampled_from([("gyro",), ("accelerometer",), ("gyro", "accelerometer")])), rounded),
     (st.builds(QuaternionLength, st.floats(-0.5, 0.9)), rounded),
     (st.builds(VectorAxes, st.just("imu"), signed_permutations()), exact),
     (st.builds(VectorAxes, flows, axes_of_plane), exact),

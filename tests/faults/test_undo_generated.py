@@ -23,11 +23,11 @@ from fedora_qa.faults.declarations import (
 )
 from fedora_qa.faults.fault import FaultySequence, ReversibleFault
 from fedora_qa.faults.flow import FlowIntervalShift
+from fedora_qa.faults.gravity import GravityError
 from fedora_qa.faults.images import ChannelOrder, ExposureGain, InvalidCode, PowerCurve, RayLength, Vignetting
 from fedora_qa.faults.index_maps import IndexShift, IndexSide
 from fedora_qa.faults.motion import (
     AccelBias,
-    GravityError,
     GyroBias,
     PoseLeverArm,
     QuaternionInversion,

@@ -33,6 +33,7 @@ from fedora_qa.faults.declarations import (
 )
 from fedora_qa.faults.fault import FaultySequence, InapplicableError, ReversibleFault
 from fedora_qa.faults.flow import FlowIntervalShift
+from fedora_qa.faults.gravity import ForceSign, GravityAlongBody, GravityError, SensorsInWorld
 from fedora_qa.faults.images import (
     ChannelOrder,
     ExposureGain,
@@ -47,9 +48,6 @@ from fedora_qa.faults.motion import (
     AccelBias,
     AngleOrder,
     AngleSense,
-    ForceSign,
-    GravityAlongBody,
-    GravityError,
     GyroBias,
     PoseInversion,
     PoseLeverArm,
@@ -263,6 +261,8 @@ EXACT: list[Truth] = [
     (FlowSign(), on(lambda flow: -flow, *FLOW_KEYS)),
     (QuaternionOrder((3, 0, 1, 2)), on(lambda q: np.column_stack([q[:, 3], q[:, :3]]), "path/pose/orientation")),
     (QuaternionInversion(), on(lambda q: np.column_stack([-q[:, :3], q[:, 3]]), "path/pose/orientation")),
+    (QuaternionOrder((1, 2, 0, 3), inverted=True),
+     on(lambda q: np.column_stack([-q[:, 1], -q[:, 2], -q[:, 0], q[:, 3]]), "path/pose/orientation")),
     (ForceSign(), on(lambda v: -v, ACCEL)),
     (ChannelOrder("BGR"), on(lambda frames: frames[..., ::-1], "path/rgb")),
     (ChannelOrder("GBR"), on(lambda frames: np.stack([frames[..., i] for i in (1, 2, 0)], -1), "path/rgb")),
@@ -296,6 +296,9 @@ ROUNDED: list[Truth] = [
     (PoseLeverArm((0.3, 0, 0.1)), lambda arrays: {"path/pose/position": arrays["path/pose/position"]
         + Rotation.from_quat(arrays["path/pose/orientation"]).apply([0.3, 0, 0.1])}),
     (PoseInversion(), world_in_body),
+    (AngleOrder(were_taken_so=True),
+     on(lambda q: Rotation.from_euler("ZYX", Rotation.from_quat(q).as_euler("XYZ")[:, ::-1]).as_quat(),
+        "path/pose/orientation")),
     (AngleOrder(), on(lambda q: Rotation.from_euler("XYZ", Rotation.from_quat(q).as_euler("ZYX")[:, ::-1]).as_quat(),
                       "path/pose/orientation")),
     (AngleSense((-1, 1, 1), ((0, -1, 0), (1, 0, 0), (0, 0, 1))), from_north),
@@ -346,6 +349,19 @@ def test_gravity_is_put_back(cause: str, m_s2: float) -> None:
     clean, fault = memory_sequence(), GravityError(cause, 0.2)  # type: ignore[arg-type]
     rows = undone_rows(fault, clean, upward(m_s2))["path/imu/linear_acceleration"]
     np.testing.assert_allclose(rows, clean.arrays["path/imu/linear_acceleration"], atol=1e-4)
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accelerometer"])
+def test_vectors_are_turned_back_from_the_world(sensor: Literal["gyro", "accelerometer"]) -> None:
+    """Vectors are as before but for the interpolation of the attitude, by another spline."""
+    clean, fault = memory_sequence(), SensorsInWorld((sensor,))
+    key = GYRO if sensor == "gyro" else ACCEL
+
+    def in_world(arrays: Arrays) -> Arrays:
+        return {key: attitudes_at_imu(arrays).apply(arrays[key].copy())}
+
+    rows = undone_rows(fault, clean, in_world)
+    np.testing.assert_allclose(rows[key], clean.arrays[key], atol=1e-4)
 
 
 def test_frames_and_events_that_were_written_twice() -> None:

@@ -15,9 +15,10 @@ from fedora_qa.faults.cameras import MountingUnit, TransposedIntrinsics
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import NoiseMisdeclared
 from fedora_qa.faults.fault import ReversibleFault
+from fedora_qa.faults.gravity import ForceSign, GravityAlongBody
 from fedora_qa.faults.images import TransferMisdeclared
 from fedora_qa.faults.index_maps import IndexSide
-from fedora_qa.faults.motion import AngleOrder, AngleSense, ForceSign, GravityAlongBody, PoseInversion
+from fedora_qa.faults.motion import AngleOrder, AngleSense, PoseInversion
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.layout.canonical import DATASETS

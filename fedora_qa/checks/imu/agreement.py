@@ -10,7 +10,7 @@ from fedora_qa.checks.protocol import Observation, Statistic
 from fedora_qa.conventions import NS_PER_S, US_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import ParameterEstimate, group_of
 from fedora_qa.estimators.fitting.robust import SensitivityRange, sensitivity_range
-from fedora_qa.estimators.imu.conventions import InertialConvention
+from fedora_qa.estimators.imu.conventions import Axes, InertialConvention
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
@@ -302,6 +302,8 @@ def _disagreement(
         parts.append(f"{', '.join(name for name, sign in reversed_angles if sign < 0)} counts the other way")
     if convention.sensor_axes != declared.sensor_axes:
         parts.append(f"the sensor's axes are {_axes_text(convention.sensor_axes)} of the body")
+    if convention.sensor_frame != declared.sensor_frame:
+        parts.append("the sensor's axes are those of the world")
     if convention.world_axes != declared.world_axes:
         parts.append(f"positions are {_axes_text(convention.world_axes)} of the world")
     if convention.up != declared.up:
@@ -330,10 +332,12 @@ def _disagreement(
     )
 
 
-def _axes_text(axes: tuple[tuple[int, ...], ...]) -> str:
-    columns = [int(np.argmax(np.abs(row))) for row in axes]
-    names = [("-" if row[i] < 0 else "") + "xyz"[i] for row, i in zip(axes, columns, strict=True)]
-    return "(" + ", ".join(names) + ")"
+def _axes_text(axes: Axes) -> str:
+    """Return axes as ``(-y, x, z)``, or as sums where they are turned by any angle."""
+    rows = ([(value, name) for value, name in zip(row, "xyz", strict=True) if value] for row in axes)
+    sums = (" + ".join(name if value == 1 else f"-{name}" if value == -1 else f"{value:.3f} {name}"
+                       for value, name in row) for row in rows)  # fmt: skip
+    return "(" + ", ".join(sums) + ")"
 
 
 def parameter_statistics(

@@ -5,9 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, RotationSpline
 
-from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates, signed_permutations
+from fedora_qa.estimators.imu.conventions import (
+    InertialConvention,
+    _turn,
+    explain_forces,
+    explain_rates,
+    signed_permutations,
+)
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
 from tests.support.motion_world import GRAVITY_M_S2, NOISY, RESTLESS, sample_motion
 
@@ -241,6 +247,87 @@ def test_pose_in_frames_of_other_engines_is_recognised_from_forces(noise: Inerti
     assert (of_unreal.up, of_unreal.length_unit) == ((0, 0, 1), 100.0)
     assert of_compass.angle_signs == (-1, 1, 1)
     assert found(subtracted_along_body).gravity == "subtracted along z"
+
+
+def turned_sensor(s: InertialSamples, turn: Rotation) -> InertialSamples:
+    return both_sensors(turn.apply)(s)
+
+
+def turned_world(s: InertialSamples, turn: Rotation, *, with_attitudes: bool = True) -> InertialSamples:
+    q = (turn * Rotation.from_quat(s.orientations_xyzw)).as_quat() if with_attitudes else s.orientations_xyzw
+    return replace(s, positions_world_m=turn.apply(s.positions_world_m), orientations_xyzw=q)
+
+
+TURN = Rotation.from_euler("zyx", [45, 10, -70], degrees=True)
+
+
+@pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
+def test_turns_by_any_angle_follow_from_the_motion(noise: InertialNoise | None) -> None:
+    """Those of the sensor, of the world, and of positions alone, within the noise of 20 comparisons."""
+    sigmas = (NOISY.rotation_sigma_rad, NOISY.position_sigma_m) if noise else (1e-9, 1e-9)
+    samples = sample_motion(noise=noise)
+    mounted = turned_sensor(samples, TURN)
+    by_rates = explain_rates(mounted, sigmas[0])
+    assert by_rates is not None
+    by_forces = explain_forces(mounted, GRAVITY_M_S2, sigmas[1], sensor_axes=by_rates.sensor_axes)
+    tilted = explain_forces(turned_world(samples, TURN), GRAVITY_M_S2, sigmas[1])
+    headed = explain_forces(turned_world(samples, TURN, with_attitudes=False), GRAVITY_M_S2, sigmas[1])
+    assert by_forces is not None
+    assert tilted is not None
+    assert headed is not None
+    tolerance = 0.02 if noise else 1e-3
+    np.testing.assert_allclose(by_rates.sensor_axes, TURN.as_matrix(), atol=tolerance)
+    assert by_forces.sensor_axes == by_rates.sensor_axes
+    np.testing.assert_allclose(tilted.up, TURN.apply([0, 0, 1]), atol=tolerance)
+    assert tilted.sensor_axes == IDENTITY
+    np.testing.assert_allclose(headed.world_axes, TURN.as_matrix(), atol=0.1 if noise else tolerance)
+    assert headed.up == (0, 0, 1)
+
+
+def test_a_turn_is_not_fitted_where_one_axis_has_all_motion_or_where_noise_is_left() -> None:
+    motion = np.random.default_rng(0).normal(size=(200, 3))
+    of_one_axis = motion * [1.0, 0.0, 0.0]
+    assert len(_turn(motion, TURN.apply(motion), 1e-4)) == 1
+    assert _turn(of_one_axis, TURN.apply(of_one_axis), 1e-4) == []
+    assert _turn(motion, TURN.apply(motion) * [1.0, 1.0, 0.0], 1e-4) == []
+
+
+@pytest.mark.parametrize("order", ["yxzw", "zyxw", "wzyx", "zwxy", "yzxw", "xywz"])
+@pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
+def test_any_order_of_components_is_recognised_from_forces(order: str, noise: InertialNoise | None) -> None:
+    """Rates alone take some orders for the axes of another body; forces do not, as positions keep their axes."""
+    places = ["xyzw".index(name) for name in order]
+    samples = quaternions(lambda q: q[:, places])(sample_motion(noise=noise))
+    convention = explain_forces(samples, GRAVITY_M_S2, NOISY.position_sigma_m if noise else 1e-9)
+    assert is_like(convention, InertialConvention(quaternions=order))
+    assert convention is not None
+    assert convention.component_order == tuple(places)
+
+
+@pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
+def test_vectors_in_the_world_and_an_upside_down_world_are_recognised(noise: InertialNoise | None) -> None:
+    """A body that flies upside down in its world has a world that points down, not a sensor with another sign."""
+    sigma_m, samples = NOISY.position_sigma_m if noise else 1e-9, sample_motion(noise=noise)
+    attitudes = RotationSpline(samples.pose_times_s, Rotation.from_quat(samples.orientations_xyzw))(samples.imu_times_s)
+    rates_in_world = replace(
+        samples, angular_velocities_body_rad_s=attitudes.apply(samples.angular_velocities_body_rad_s)
+    )
+    forces_in_world = replace(samples, specific_forces_body_m_s2=attitudes.apply(samples.specific_forces_body_m_s2))
+    by_rates = explain_rates(rates_in_world, NOISY.rotation_sigma_rad if noise else 1e-9)
+    assert by_rates is not None
+    assert by_rates.sensor_frame == "world"
+    by_forces = explain_forces(forces_in_world, GRAVITY_M_S2, sigma_m)
+    assert by_forces is not None
+    assert (by_forces.sensor_frame, by_forces.gravity) == ("world", "declared")
+    ned_world = explain_forces(turned_world(samples, NED_ENU), GRAVITY_M_S2, sigma_m)
+    assert ned_world is not None
+    assert (ned_world.up, ned_world.gravity) == ((0, 0, -1), "declared")
+
+
+@pytest.mark.parametrize("unit", [1e3, 30.0 / np.pi, 0.5 / np.pi], ids=["mrad/s", "turns a minute", "turns a second"])
+def test_units_of_angular_velocity(unit: float) -> None:
+    samples = rates(lambda v: v * unit)(sample_motion())
+    assert is_like(explain_rates(samples, 1e-9), InertialConvention(rate_unit=unit))
 
 
 def test_angle_counted_the_other_way_is_recognised_from_rates() -> None:
