@@ -167,6 +167,15 @@ class UndoTrial:
         return is_exact and bool(other.left or other.caused) and cleared >= other.cleared | other.left.keys()
 
 
+    def clears_as_much_as(self, other: "UndoTrial") -> bool:
+        """Whether undoing this fault clears what undoing the other does, of all findings that its windows decide.
+
+        Each fault is undone in the windows that show its own findings best: those of this one may decide fewer.
+        """
+        is_decided_alike = not any(finding in self.left for finding in other.cleared)
+        return self.succeeds and is_decided_alike and not self.cleared.isdisjoint(other.cleared)
+
+
 Trials = Mapping[tuple[str, str], UndoTrial]
 """Trials by cause and stream."""
 
@@ -294,7 +303,7 @@ def status_of(
         r for r in rivals if (r.cause, stream_family(r.stream)) != (candidate.cause, stream_family(candidate.stream))
     ]
     tested = [trials[rival.key] for rival in others if rival.key in trials]
-    alike = [other for other in tested if other.succeeds and other.cleared >= trial.cleared]
+    alike = [other for other in tested if other.clears_as_much_as(trial)]
     undecided = any(
         not _is_decided(rival, trial.cleared_alone or trial.cleared, trials)
         for rival in others
