@@ -70,9 +70,12 @@ def _of_values(statistic: Statistic) -> tuple[Hypothesis, ...]:
             Hypothesis("unit_mm_m", "depth", support("integrity.depth_part_in_metres"), to_metres, "1"),
             Hypothesis("invalid_encoding", "depth", support("integrity.depth_part_is_a_code")),
         )
+    # Of two units: the one that multiplying by 1000 undoes explains the values where most of them fall into the range.
+    is_in_metres = 2 * values.in_range_times_1000 > values.outside
+    factor = to_metres if is_in_metres else None
     return (
         Hypothesis("invalid_encoding", "depth", support("integrity.depth_by_code")),
-        Hypothesis("unit_mm_m", "depth", support("integrity.depth_by_unit"), to_metres, "1"),
+        Hypothesis("unit_mm_m", "depth", support("integrity.depth_by_unit"), factor, "1" if is_in_metres else ""),
     )
 
 
