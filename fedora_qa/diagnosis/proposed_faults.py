@@ -1,6 +1,6 @@
 """The faults that a trial undoes for a cause: mechanisms of ``fedora_qa.faults`` with sizes from the measurements."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import copysign, inf, isclose, isfinite, log
 from types import MappingProxyType
 from typing import Final, get_args
@@ -44,7 +44,7 @@ from fedora_qa.faults import (
     row_order,
     units,
 )
-from fedora_qa.faults.fault import Matrix3, RowRange
+from fedora_qa.faults.fault import Matrix3, RowRange, value_keys
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz
@@ -268,6 +268,15 @@ def _pixel_shift(fit: FittedCause) -> Faults:
             yield pixels.PixelShift(fit.stream, *whole_px)
         yield pixels.PixelShift(fit.stream, *shift_px)
         return
+    sizes = [fit.facts.layout.bindings[key].shape[1:3] for key in value_keys(fit.facts, fit.stream)]
+    # Images that are shifted further share too little: findings vanish with the pixels that had them.
+    within_px = max((max(size) for size in sizes if len(size) > 1), default=inf) / 2
+    for shift in _measured_shifts(fit):
+        if max(abs(shift.columns), abs(shift.rows)) <= within_px:
+            yield shift
+
+
+def _measured_shifts(fit: FittedCause) -> Iterator[pixels.PixelShift]:
     checks = {"events": "event_response.alignment", "rgb": "event_response.alignment", "depth": "alignment.depth"}
     result = fit.results.get(checks.get(fit.family, ""))
     # Alignment measures the shift of events against the colour frames, and that of the colour frames against depth.

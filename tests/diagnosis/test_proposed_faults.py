@@ -189,11 +189,19 @@ def test_a_shift_of_depth_is_opposite_to_that_of_the_edges_of_colour() -> None:
 
 
 def test_a_shift_of_colour_is_in_its_own_pixels() -> None:
-    """Events lie 5 px right and 10 px up of frames whose pixels are finer by 10.39 to 8.66: 6 px, and 12 px."""
-    shifted = dict([result("event_response.alignment", shift_right=5.0, shift_down=-10.0)])
+    """Events lie 2.5 px right and 5 px up of frames whose pixels are finer by 10.39 to 8.66: 3 px, and 6 px."""
+    shifted = dict([result("event_response.alignment", shift_right=2.5, shift_down=-5.0)])
     facts = facts_of(memory_sequence())
-    assert next(iter(faults_for("spatial_offset", "rgb", 12.0, (), shifted, facts))) == PixelShift("rgb", -6, 12)
-    assert next(iter(faults_for("spatial_offset", "events", 10.0, (), shifted, facts))) == PixelShift("events", 5, -10)
+    assert next(iter(faults_for("spatial_offset", "rgb", 6.0, (), shifted, facts))) == PixelShift("rgb", -3, 6)
+    assert next(iter(faults_for("spatial_offset", "events", 5.0, (), shifted, facts))) == PixelShift("events", 2, -5)
+
+
+def test_a_shift_after_which_little_of_an_image_is_left_is_not_tried() -> None:
+    """A second fit extrapolates: what is shifted out of the image takes its findings with it."""
+    facts = facts_of(memory_sequence())
+    half_px = max(facts.layout.bindings["path/depth"].shape[1:]) // 2
+    assert PixelShift("depth", 0, half_px) in faults_for("spatial_offset", "depth", half_px, (), {}, facts)
+    assert not list(faults_for("spatial_offset", "depth", half_px + 1.0, (), {}, facts))
 
 
 def test_a_shift_is_tried_along_the_axes_too() -> None:
