@@ -16,6 +16,7 @@ from fedora_qa.checks.clocks.span import CutOfSeveralRates, FewSamples, StreamEn
 from fedora_qa.checks.clocks.streams import ClockSetBack, PartInOtherUnit
 from fedora_qa.checks.index_maps.frame_to_event import MapRule, WrongEntries
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
+from fedora_qa.diagnosis.clock_units import factors_of_span, is_tick_factor
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS
 from fedora_qa.judgement.judge import Alarm
@@ -186,10 +187,17 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             if factor != 1.0:
                 hypotheses.append(Hypothesis("time_unit", stream, support(f"clocks.{row}"), factor, "1"))
         is_of_unit = any(hypothesis.cause == "time_unit" for hypothesis in hypotheses)
-        if not is_of_unit and feature.missing_ns < 0 and (stretched := _of_stretched_clock(stream, feature, facts)):
+        factors = () if is_of_unit else factors_of_span(stream, feature, facts)
+        is_longer = not is_of_unit and feature.missing_ns < 0
+        stretched = _of_stretched_clock(stream, feature, facts) if is_longer else None
+        # A stretched clock of a nominal rate has another rate, unless the factor is that of a counter.
+        if stretched is not None and not (factors and is_tick_factor(factors[0])):
             hypotheses.append(stretched)
+            factors = ()
         cut_percent = 100 * feature.missing_ns / duration_ns
         hypotheses.append(Hypothesis("truncated", stream, support("clocks.cut_span"), cut_percent, "percent"))
+        if factors:
+            hypotheses.append(Hypothesis("time_unit", stream, support("clocks.span_by_factor"), factors[0], "1"))
     if any(isinstance(feature, CutOfSeveralRates) for feature in statistic.features):
         return tuple(replace(hypothesis, stream=stream_family(hypothesis.stream)) for hypothesis in hypotheses)
     return tuple(hypotheses)

@@ -13,6 +13,7 @@ from typing import Final
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.diagnosis.candidates import FITS, CauseCandidate
+from fedora_qa.diagnosis.clock_units import checks_that_compare, is_known_unit
 from fedora_qa.diagnosis.direct import check_of_code, clears_by_construction, is_declared, is_direct, is_local
 from fedora_qa.diagnosis.proposed_faults import is_length_unit, is_testable
 from fedora_qa.faults.fault import ReversibleFault, is_of_part
@@ -47,6 +48,9 @@ wrong scale depths by less."""
 _LEFT_BY_FIT: Final = 0.02
 """Largest part of a deviation that a fitted factor leaves where it is the cause: its fit has an error. The value is not
 derived."""
+
+_OF_TIMESTAMPS: Final = ("clocks.", "index_maps.")
+"""Beginnings of the codes of findings about timestamps and what is computed of them alone."""
 
 FEWEST: Final = 20
 """Diagnoses from which the frequency of one cause is used: its standard error is then 0.11 at most. With fewer, that of
@@ -107,6 +111,8 @@ class UndoTrial:
         Of the findings that are cleared or left.
     observations
         Of the checks of these findings, without and with the fault undone, in the same windows.
+    agreeing
+        Checks that pass with the fault undone, and could tell nothing without.
     """
 
     fault: ReversibleFault
@@ -120,6 +126,7 @@ class UndoTrial:
     cleared_alone: frozenset[str] = frozenset()
     deviations: tuple[DeviationChange, ...] = ()
     observations: Mapping[str, tuple[Observation, Observation]] = field(default_factory=dict)
+    agreeing: frozenset[str] = frozenset()
 
     @property
     def succeeds(self) -> bool:
@@ -229,6 +236,27 @@ def is_scale_by_chance(candidate: CauseCandidate, trials: Trials) -> bool:
     if trial is None or trial.caused or trial.crashed or not trial.cleared:
         return True
     return any(abs(ratio) > _LEFT_BY_FIT for ratio in trial.left.values())
+
+
+def is_unit_by_chance(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
+    """Whether timestamps have a factor that only the span of the stream states, and that undoing it does not prove.
+
+    The span of a stream that was cut off is that of the others once it is stretched. A factor that is the cause brings
+    the content of the stream into agreement with others, and brings no finding about.
+    """
+    factor = candidate.size.magnitude
+    if candidate.cause != "time_unit" or factor is None or is_known_unit(factor):
+        return False
+    if any(is_direct(candidate.cause, codes[finding], candidate.stream) for finding in candidate.evidence):
+        return False
+    trial = trials.get(candidate.key)
+    return trial is None or not trial.succeeds or not _is_compared(trial, codes)
+
+
+def _is_compared(trial: UndoTrial, codes: Mapping[str, str]) -> bool:
+    """Whether a trial of timestamps clears more than their own findings, or lets the content agree with others."""
+    of_content = (code for finding in trial.cleared if not (code := codes[finding]).startswith(_OF_TIMESTAMPS))
+    return any(of_content) or bool(trial.agreeing & checks_that_compare(trial.fault.stream))
 
 
 def clears_by_chance(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial) -> bool:

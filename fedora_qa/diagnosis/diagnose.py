@@ -26,6 +26,7 @@ from fedora_qa.diagnosis.conclusion import (
     is_conclusive,
     is_excluded,
     is_scale_by_chance,
+    is_unit_by_chance,
     status_of,
 )
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
@@ -134,7 +135,9 @@ def choose_causes(
     candidates = [
         _tested(candidate, codes, trials.get(candidate.key))
         for candidate in ranked
-        if not is_excluded(candidate, codes, trials) and not is_scale_by_chance(candidate, trials)
+        if not is_excluded(candidate, codes, trials)
+        and not is_scale_by_chance(candidate, trials)
+        and not is_unit_by_chance(candidate, codes, trials)
     ]
     tested = {c.key: has_evidence(c, codes, trials) for c in candidates}
     # Unexplained support of each finding: the demand of the set cover.
@@ -250,10 +253,11 @@ def _size_by_trial(cause: str, fitted: float | None, fault: ReversibleFault) -> 
     """Return the size of a cause whose fault was undone: that of the fault where the fitted one does not state it.
 
     An offset from frames is known up to their step, and the trial decides which one it is. A rate that is fitted to the
-    whole sequence is not that of the part in which the clock had it.
+    whole sequence is not that of the part in which the clock had it. A span leaves several factors of units
+    open, of which one was undone.
     """
     of_fault = fault.magnitude
-    if cause in _VECTORS or fitted is None or (cause == "clock_rate" and is_of_part(fault)):
+    if cause in (*_VECTORS, "time_unit") or fitted is None or (cause == "clock_rate" and is_of_part(fault)):
         return of_fault
     if cause == "flow_unit" and of_fault is not None and abs(of_fault) > 1.0:
         # Fractions of a pixel: the number of them is exact.

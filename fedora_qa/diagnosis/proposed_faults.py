@@ -7,11 +7,14 @@ from typing import Final, get_args
 
 import numpy as np
 
+from fedora_qa.causes import stream_family
+from fedora_qa.checks.clocks.span import StreamEnds
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
 from fedora_qa.checks.integrity.finite import OutOfRange
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
+from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
 from fedora_qa.diagnosis.clocks import is_right_elsewhere
 from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
@@ -213,6 +216,19 @@ def _clock_rate(fit: FittedCause) -> Faults:
     yield clocks.ClockRate(fit.stream, fit.size, (first_ns + last_ns) // 2)
 
 
+def _time_units(fit: FittedCause) -> Faults:
+    factors: dict[float, clocks.TimeUnit] = {}
+    for alarm in fit.alarms:
+        stream = alarm.finding.where.stream or ""
+        for ends in (feature for feature in alarm.statistic.features if isinstance(feature, StreamEnds)):
+            if stream in (fit.stream, *fit.facts.flow_streams) and stream_family(stream) == fit.family:
+                for factor in factors_of_span(stream, ends, fit.facts):
+                    own = unit_by_factor(stream, factor, ends, fit.facts)
+                    factors.setdefault(factor, own if stream == fit.stream else clocks.TimeUnit(fit.stream, factor))
+    yield factors.pop(fit.size, clocks.TimeUnit(fit.stream, fit.size))
+    yield from factors.values()
+
+
 def _index_shift(fit: FittedCause) -> Faults:
     if events := round(fit.size):
         of_map = [alarm for alarm in fit.alarms if alarm.finding.where.stream == fit.stream]
@@ -400,7 +416,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
     {
         "time_offset": _clock_shift,
         "clock_rate": _clock_rate,
-        "time_unit": lambda fit: iter([clocks.TimeUnit(fit.stream, fit.size)]),
+        "time_unit": _time_units,
         "duplicated_samples": lambda fit: iter([row_order.DuplicatedSamples(fit.stream)]),
         "unsorted": lambda fit: iter([row_order.Unsorted(fit.stream, 0, 0)]),
         "index_off_by_one": _index_shift,

@@ -143,12 +143,16 @@ class TimeUnit:
         The timestamp that stays, ns from the file's origin; None: zero of the file's own clock.
     rows
         Rows whose timestamps are in the other unit; None: all.
+    regular_ns
+        First instant and period, ns, of a regular clock whose times were rounded to the other unit; undone, the
+        timestamps are the nearest of its times, in whole microseconds. None: what was rounded is lost.
     """
 
     stream: str
     factor: float
     pivot_ns: int | None = None
     rows: RowRange | None = None
+    regular_ns: tuple[float, float] | None = None
     cause: ClassVar[str] = "time_unit"
 
     @property
@@ -166,8 +170,19 @@ class TimeUnit:
         """Divide the times by the factor."""
         description = f"timestamps of {self.stream} divided by {self.factor:.6g}"
         factor = 1 / Fraction(self.factor).limit_denominator(_LARGEST_WHOLE)
-        fault = _retimed(facts, self, description, self._scaling(factor, sequence))
+        retime = self._scaling(factor, sequence)
+        if self.regular_ns is not None:
+            description += f", every {self.regular_ns[1] / NS_PER_MS:.6g} ms"
+        fault = _retimed(facts, self, description, lambda times_ns: self._on_regular_clock(retime(times_ns), facts))
         return with_following_maps(facts, sequence, fault)
+
+    def _on_regular_clock(self, times_ns: Int64, facts: Facts) -> Int64:
+        if self.regular_ns is None:
+            return times_ns
+        start_ns, period_ns = self.regular_ns
+        regular_ns = start_ns + np.rint((times_ns - start_ns) / period_ns) * period_ns
+        zero_ns = facts.from_file_us(0.0)
+        return np.asarray(zero_ns + NS_PER_US * np.rint((regular_ns - zero_ns) / NS_PER_US).astype(np.int64))
 
     def _scaling(self, factor: Fraction, sequence: SequenceRows) -> Callable[[Int64], Int64]:
         # The file's own clock is zero at -origin, on the clock that counts from the origin.

@@ -176,7 +176,17 @@ SECOND = 1000.0 * MS
             id="shifted and cut a little",
         ),
         pytest.param(
-            StreamEnds(0.0, 250.0 * MS, SECOND), (Hypothesis("truncated", "rgb", 0.8, 25.0, "percent"),), id="cut"
+            StreamEnds(0.0, 150.0 * MS, SECOND), (Hypothesis("truncated", "rgb", 0.8, 15.0, "percent"),), id="cut"
+        ),
+        pytest.param(
+            StreamEnds(0.0, 910.0 * MS, SECOND),
+            (Hypothesis("time_unit", "rgb", 0.7, 0.09, "1"), Hypothesis("truncated", "rgb", 0.8, 91.0, "percent")),
+            id="cut, or in ticks",
+        ),
+        pytest.param(
+            StreamEnds(0.0, 400.0 * MS, SECOND),
+            (Hypothesis("truncated", "rgb", 0.8, 40.0, "percent"), Hypothesis("time_unit", "rgb", 0.7, 0.6, "1")),
+            id="cut, or of another clock",
         ),
         pytest.param(
             StreamEnds(0.0, -31.0 * SECOND, SECOND),
@@ -208,7 +218,7 @@ def test_a_clock_that_stretches_span_and_period_alike_has_a_wrong_rate() -> None
     assert rate.magnitude == pytest.approx(1.484e6, rel=1e-4)
     longer = clock(np.arange(0, round(2.484 * 2 * SECOND), nominal.times_ns[1]))
     hypotheses = proposed("clocks.span.end", ends, stream="imu", facts=with_clock(facts, "imu", longer))
-    assert named(hypotheses) == [("truncated", "imu")]
+    assert named(hypotheses) == [("truncated", "imu"), ("time_unit", "imu")]
 
 
 def test_a_part_in_another_unit_moves_an_end() -> None:
@@ -219,7 +229,7 @@ def test_a_part_in_another_unit_moves_an_end() -> None:
 
 def test_a_cut_of_several_rates_is_of_the_flow() -> None:
     """Rates that are cut alike are one fault."""
-    ends = StreamEnds(0.0, 250.0 * MS, SECOND)
+    ends = StreamEnds(0.0, 150.0 * MS, SECOND)
     several = CutOfSeveralRates(("flow/10hz", "flow/25hz"))
     assert named(proposed("clocks.span.end", ends, stream="flow/10hz")) == [("truncated", "flow/10hz")]
     assert named(proposed("clocks.span.end", ends, several, stream="flow/10hz")) == [("truncated", "flow")]

@@ -222,6 +222,29 @@ def test_a_rate_is_not_confirmed_beside_another_finding_of_clocks(others: tuple[
     assert [d.status for d in found if d.cause == "clock_rate"] == [status]
 
 
+@pytest.mark.parametrize(
+    ("factor", "trial", "cause"),
+    [
+        pytest.param(0.4, tried("F1"), "truncated", id="by construction"),
+        pytest.param(0.4, replace(tried("F1"), agreeing=frozenset({"imu.timing"})), "time_unit", id="content agrees"),
+        pytest.param(0.4, replace(tried("F1"), agreeing=frozenset({"imu.noise"})), "truncated", id="no comparison"),
+        pytest.param(0.4, tried("F1", "F2"), "time_unit", id="clears content"),
+        pytest.param(0.4, tried("F1", "F2", caused=("imu.timing.time_offset",)), "truncated", id="brings some about"),
+        pytest.param(1e3, tried("F1"), "time_unit", id="known unit"),
+    ],
+)
+def test_a_stream_that_is_short_has_another_unit_where_its_content_agrees_with_it_undone(
+    factor: float, trial: UndoTrial, cause: str
+) -> None:
+    """Stretched to the span of the others, a stream that was cut off ends with them, and agrees with none of them."""
+    unit, cut = Hypothesis("time_unit", "imu", 0.7, factor, "1"), Hypothesis("truncated", "imu", 0.8, 60.0, "percent")
+    shown = [alarm(1, unit, cut, code="clocks.span.ends_early")]
+    if "F2" in trial.cleared:
+        shown.append(alarm(2, Hypothesis("other_sequence", "imu", 0.3), code="imu.rotation.residual"))
+    of_imu: Any = Undone("time_unit", "imu", factor)
+    assert diagnosed(shown, {("time_unit", "imu"): replace(trial, fault=of_imu)})[0].cause == cause
+
+
 def test_what_only_brings_about_findings_is_no_cause() -> None:
     """Undoing it leaves nothing that could be judged, clears nothing, and other findings appear."""
     assert diagnosed(BOTH, {IS_SHIFTED: tried()})[0].cause == "spatial_offset"

@@ -16,6 +16,7 @@ from typing import Any, Final
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
+from fedora_qa.diagnosis.clock_units import is_known_unit
 from fedora_qa.diagnosis.conclusion import HALF, DeviationChange, UndoTrial
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.diagnosis.vetoes import ClockPlace, contradicts
@@ -135,7 +136,10 @@ class TrialBench:
             decided = len(trial.cleared) + len(trial.left)
             # Where the windows show a finding and the fault clears none, or brings others about, more windows change
             # nothing: the work is left for rivals.
-            if (decided and not trial.cleared) or trial.caused or decided == len(self.alarms):
+            if (decided and not trial.cleared) or trial.caused:
+                break
+            # The span alone shows no unit but the known ones: the content is compared in all windows.
+            if decided == len(self.alarms) and (fault.cause != "time_unit" or is_known_unit(fault.magnitude or 0.0)):
                 break
         if trial is not None and inner is not None and trial.reduces:
             self.windows[fault] = len(inner.spans)
@@ -304,6 +308,13 @@ class TrialBench:
                 for check in sorted({change.check for change in changes})
                 if check in altered.observations
             },
+            agreeing=frozenset(
+                check
+                for check, result in judged.items()
+                if result.outcome == "passed"
+                and (before := self.run.strict.get(check)) is not None
+                and before.outcome == "not_observable"
+            ),
         )
 
     def _leaves_all(self, altered: WindowPass, count: int) -> bool:
