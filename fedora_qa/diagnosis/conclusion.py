@@ -173,7 +173,6 @@ class UndoTrial:
         is_exact = not (self.left or self.caused or self.crashed)
         return is_exact and bool(other.left or other.caused) and cleared >= other.cleared | other.left.keys()
 
-
     def clears_as_much_as(self, other: "UndoTrial") -> bool:
         """Whether undoing this fault clears what undoing the other does, of all findings that its windows decide.
 

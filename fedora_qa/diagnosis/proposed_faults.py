@@ -31,6 +31,8 @@ from fedora_qa.diagnosis.proposed_motion_faults import (
     gyro_bias,
     inertial_conventions,
     lever_arm,
+    missing_gravity,
+    reversed_gravity,
     vector_axes,
 )
 from fedora_qa.estimators.clocks.regular_clock import DisplacedSegment, SlewedSegment, displaced_part, slewed_part
@@ -39,7 +41,6 @@ from fedora_qa.faults import (
     clocks,
     declarations,
     flow,
-    gravity,
     images,
     index_maps,
     motion,
@@ -440,8 +441,8 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "quaternion_inverted": lambda _: iter([motion.QuaternionInversion(), motion.PoseInversion()]),
         "quaternion_order": component_orders,
         "quaternion_not_unit": lambda fit: iter([motion.QuaternionLength(fit.size)]),
-        "gravity_missing": lambda _: iter([gravity.GravityError("gravity_missing"), gravity.GravityAlongBody()]),
-        "gravity_sign": lambda _: iter([gravity.GravityError("gravity_sign"), gravity.ForceSign()]),
+        "gravity_missing": missing_gravity,
+        "gravity_sign": reversed_gravity,
         "gravity_magnitude": gravity_magnitude,
         "gyro_bias": gyro_bias,
         "accel_bias": accel_bias,

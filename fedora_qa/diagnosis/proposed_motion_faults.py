@@ -13,7 +13,7 @@ from fedora_qa.diagnosis.declared_cameras import mounting_units
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.imu import HALF_TURN
 from fedora_qa.diagnosis.measured_sizes import vector
-from fedora_qa.estimators.imu.conventions import InertialConvention, signed_permutations
+from fedora_qa.estimators.imu.conventions import GravityConvention, InertialConvention, signed_permutations
 from fedora_qa.faults import axes, declarations, gravity, motion, units
 from fedora_qa.faults.fault import Matrix3, RowRange, Vector3
 from fedora_qa.geometry import so3
@@ -130,6 +130,29 @@ def gravity_magnitude(fit: FittedCause) -> Faults:
         yield gravity.GravityError("gravity_magnitude", fit.size)
     else:
         yield declarations.GravityMisdeclared(fit.size)
+
+
+def missing_gravity(fit: FittedCause) -> Faults:
+    """Yield gravity that was removed: in the part of the file that lacks it first, then in the whole file."""
+    for rows in _parts_with(fit, "missing"):
+        yield gravity.GravityError("gravity_missing", rows=rows)
+    yield gravity.GravityError("gravity_missing")
+    yield gravity.GravityAlongBody()
+
+
+def reversed_gravity(fit: FittedCause) -> Faults:
+    """Yield gravity of the wrong sign: in the part of the file that has it first, then in the whole file."""
+    for rows in _parts_with(fit, "reversed"):
+        yield gravity.GravityError("gravity_sign", rows=rows)
+    yield gravity.GravityError("gravity_sign")
+    yield gravity.ForceSign()
+
+
+def _parts_with(fit: FittedCause, convention: GravityConvention) -> Iterator[RowRange]:
+    """Yield the rows of parts of the IMU whose specific forces have another gravity than declared."""
+    for feature, rows in inertial_conventions(fit):
+        if rows is not None and feature.convention.gravity == convention:
+            yield rows
 
 
 def gyro_bias(fit: FittedCause) -> Faults:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.faults.fault import Fault, InapplicableError, Read, streams_in, values
+from fedora_qa.faults.fault import Fault, InapplicableError, Read, RowRange, streams_in, values
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.motion import STENCIL, interpolate_poses
 from fedora_qa.sequence.facts import Facts
@@ -37,10 +37,13 @@ class GravityError:
     excess_m_s2
         e g, of ``gravity_magnitude``: positive if the gravity of the samples exceeds the declared one. The other
         causes have e = -1 and e = -2.
+    rows
+        The samples; None: all.
     """
 
     cause: Literal["gravity_missing", "gravity_sign", "gravity_magnitude"]
     excess_m_s2: float = 0.0
+    rows: RowRange | None = None
     stream: ClassVar[str] = "imu"
 
     @property
@@ -52,12 +55,13 @@ class GravityError:
         """Add the wrong part."""
         upward_m_s2 = self._upward_m_s2(facts)
         description = f"specific force has {upward_m_s2:+.4g} m/s^2 along the vertical"
-        return _lifted(facts, sequence, description, upward_m_s2)
+        return _lifted(facts, sequence, description, upward_m_s2, self.rows)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Subtract the wrong part."""
         upward_m_s2 = -self._upward_m_s2(facts)
-        return _lifted(facts, sequence, f"{upward_m_s2:+.4g} m/s^2 added along the vertical", upward_m_s2)
+        description = f"{upward_m_s2:+.4g} m/s^2 added along the vertical"
+        return _lifted(facts, sequence, description, upward_m_s2, self.rows)
 
     def _upward_m_s2(self, facts: Facts) -> float:
         if self.cause == "gravity_magnitude":
@@ -150,13 +154,18 @@ class SensorsInWorld:
         return Fault(description, {_KEYS[sensor]: alter for sensor in self.sensors})
 
 
-def _lifted(facts: Facts, sequence: SequenceRows, description: str, upward_m_s2: float) -> Fault:
+def _lifted(facts: Facts, sequence: SequenceRows, description: str, upward_m_s2: float, rows: RowRange | None) -> Fault:
     """Return the fault that adds an acceleration along the vertical of the world to specific forces."""
     attitudes = _attitudes_at(facts, sequence)
 
     def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
-        # R_body_world up = R_world_body^T up.
-        return np.asarray(read(start, stop) + upward_m_s2 * np.einsum("nji,j->ni", attitudes(start, stop), _UP))
+        first, last = (start, stop) if rows is None else (max(rows[0], start), min(rows[1] or stop, stop))
+        forces = np.array(read(start, stop))
+        if first < last:
+            # R_body_world up = R_world_body^T up.
+            up_body = np.einsum("nji,j->ni", attitudes(first, last), _UP)
+            forces[first - start : last - start] += upward_m_s2 * up_body
+        return forces
 
     return Fault(description, {_ACCEL: alter})
 

@@ -351,6 +351,20 @@ def test_gravity_is_put_back(cause: str, m_s2: float) -> None:
     np.testing.assert_allclose(rows, clean.arrays["path/imu/linear_acceleration"], atol=1e-4)
 
 
+def test_gravity_is_put_back_in_a_part() -> None:
+    clean = memory_sequence()
+    key, rows = "path/imu/linear_acceleration", (40, 90)
+
+    def lifted(arrays: Arrays) -> Arrays:
+        inside = (np.arange(len(arrays[key])) >= rows[0]) & (np.arange(len(arrays[key])) < rows[1])
+        return {key: np.where(inside[:, None], upward(-9.8066)(arrays)[key], arrays[key])}
+
+    undone = undone_rows(GravityError("gravity_missing", rows=rows), clean, lifted)[key]
+    np.testing.assert_allclose(undone, clean.arrays[key], atol=1e-4)
+    with pytest.raises(AssertionError):
+        np.testing.assert_allclose(undone_rows(GravityError("gravity_missing"), clean, lifted)[key], clean.arrays[key])
+
+
 @pytest.mark.parametrize("sensor", ["gyro", "accelerometer"])
 def test_vectors_are_turned_back_from_the_world(sensor: Literal["gyro", "accelerometer"]) -> None:
     """Vectors are as before but for the interpolation of the attitude, by another spline."""
