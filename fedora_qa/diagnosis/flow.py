@@ -17,6 +17,7 @@ from fedora_qa.faults.units import LENGTHS, frame_period_s, length_of_flow_px
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.flow_axes import FLOW_AXES
 from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial
 
@@ -24,6 +25,10 @@ CAUSES_OF_TRANSFORM: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({
     "negated": ("flow_sign",),
     "transposed_axes": ("axes_swapped",),
     "flipped_v": ("frame_convention",),
+    "flipped_u": ("frame_convention",),
+    "quarter_turn": ("frame_convention",),
+    "quarter_turn_back": ("frame_convention",),
+    "negated_transposed_axes": ("frame_convention",),
     "north_east_down": ("frame_convention",),
     "other_mounting": ("frame_convention",),
     "turned_mounting": ("extrinsic_rotation",),
@@ -58,11 +63,7 @@ A transform without a row has the name of its cause ("mirrored").
 """
 
 CAUSES_OF_TWO_TRANSFORMS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        "negated_in_another_unit": ("flow_unit", "flow_sign"),
-        "transposed_axes_in_another_unit": ("flow_unit", "axes_swapped"),
-        "flipped_v_in_another_unit": ("flow_unit", "frame_convention"),
-    }
+    {f"{name}_in_another_unit": ("flow_unit", *CAUSES_OF_TRANSFORM[name]) for name in FLOW_AXES}
 )
 """Causes that are there together where one transform after the other removes the deviation; the first has the size."""
 
@@ -173,14 +174,16 @@ def convention_hypotheses(
     list[Hypothesis]
         One for each cause and stream, in the order of the trials.
     """
-    by_cause: dict[tuple[str, str, str], list[ConventionTrial]] = {}
+    by_transform: dict[tuple[str, str, str], list[ConventionTrial]] = {}
     for trial in trials:
         if trial.rate == rate:
             together = CAUSES_OF_TWO_TRANSFORMS.get(trial.transform)
             for cause in together or CAUSES_OF_TRANSFORM.get(trial.transform, (trial.transform,)):
-                by_cause.setdefault((cause, trial.stream, trial.transform if together else ""), []).append(trial)
+                # Of a signed permutation another one removes little.
+                alone = together or trial.transform in FLOW_AXES
+                by_transform.setdefault((cause, trial.stream, trial.transform if alone else ""), []).append(trial)
     hypotheses: dict[tuple[str, str], Hypothesis] = {}
-    for (cause, stream, _), group in by_cause.items():
+    for (cause, stream, _), group in by_transform.items():
         supports = [_SUPPORT_OF_TRANSFORM.get(trial.transform, 1.0) * trial.removed_share for trial in group]
         mean_support = float(np.mean(supports))
         mean_support *= support_of_extent(cause, share_off)

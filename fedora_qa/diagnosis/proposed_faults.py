@@ -18,7 +18,7 @@ from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
 from fedora_qa.diagnosis.clocks import is_right_elsewhere
 from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
-from fedora_qa.diagnosis.flow import fractions_of_px
+from fedora_qa.diagnosis.flow import CAUSES_OF_TRANSFORM, fractions_of_px
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, frames_lost_before, measured, rgb_px_per_event_px
 from fedora_qa.diagnosis.proposed_camera_faults import fitted_vector, focal_length, mounting, principal_point
 from fedora_qa.diagnosis.proposed_motion_faults import (
@@ -53,6 +53,7 @@ from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.sequence.facts import Facts, StrayEvents
+from fedora_qa.views.flow_axes import FLOW_AXES
 from fedora_qa.views.flow_conventions import ConventionTrial
 
 _FOLLOWS: Final = 0.98
@@ -84,12 +85,6 @@ _NED_FROM_ENU: Final[Matrix3] = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1
 
 
 _FRD_FROM_FLU: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
-
-
-_LEFT: Final[Matrix3] = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-_UPWARDS: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def faults_for(
@@ -256,8 +251,7 @@ def _exchanged_axes(fit: FittedCause) -> Faults:
 
 def _other_axes(fit: FittedCause) -> Faults:
     if fit.family == "flow":
-        yield axes.VectorAxes(fit.stream, _UPWARDS)
-        yield axes.VectorAxes(fit.stream, _LEFT)
+        yield from _axes_of_flow(fit)
     elif fit.stream == "metadata":
         yield axes.CameraAxes()
     else:
@@ -269,6 +263,21 @@ def _other_axes(fit: FittedCause) -> Faults:
             yield axes.VectorAxes(fit.stream, _NED_FROM_ENU, _FRD_FROM_FLU)
             yield axes.VectorAxes(fit.stream, _NED_FROM_ENU)
             yield axes.VectorAxes(fit.stream, SAME_AXES, _FRD_FROM_FLU)
+
+
+def _axes_of_flow(fit: FittedCause) -> Faults:
+    """Yield the conventions of u and v, of which one transform removes most of a field first."""
+    removed = dict.fromkeys((name for name in FLOW_AXES if CAUSES_OF_TRANSFORM[name] == ("frame_convention",)), 0.0)
+    for feature in (feature for alarm in fit.alarms for feature in alarm.statistic.features):
+        if isinstance(feature, ConventionTrial):
+            # Of two conventions at once the transform of the vectors is one.
+            name = feature.transform.removesuffix("_in_another_unit")
+            if name in removed:
+                removed[name] = max(removed[name], feature.removed_share)
+    for name in sorted(removed, key=lambda name: -removed[name]):
+        # The transform leads from the stored vectors to the correct ones: those are written by its transpose.
+        (u_of_u, u_of_v), (v_of_u, v_of_v) = FLOW_AXES[name].matrix.T.tolist()
+        yield axes.VectorAxes(fit.stream, ((u_of_u, u_of_v, 0.0), (v_of_u, v_of_v, 0.0), (0.0, 0.0, 1.0)))
 
 
 def _mirroring(fit: FittedCause) -> Faults:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.faults.fault import Fault, InapplicableError, RowRange, in_rows, streams_in, value_keys, values_by_row
 from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.sequence import SequenceRows

@@ -18,6 +18,7 @@ from fedora_qa.geometry.rigid_flow import depths_by_flow
 from fedora_qa.geometry.so3 import compose, log
 from fedora_qa.sequence.facts import Clock
 from fedora_qa.sequence.window import PoseSamples, Window
+from fedora_qa.views.flow_axes import FLOW_AXES
 from fedora_qa.views.flow_comparison import field_covariance
 from fedora_qa.views.flow_intervals import Interval, PoseTrack, depths_plausible, frame_at, interval_at
 from fedora_qa.views.pixel_lattice import FEWEST_PIXELS, Region, sample_field
@@ -197,7 +198,7 @@ def _with_other_flow(
     def transformed(name: str, values: NDArray[np.floating], magnitude: float | None = None) -> _TransformedField:
         return _TransformedField(name, "flow", _with_flow(sample, values), motion, magnitude)
 
-    turned = {"negated": -flow, "transposed_axes": flow[:, ::-1], "flipped_v": flow * (1, -1)}
+    turned = {name: axes.of(flow) for name, axes in FLOW_AXES.items()}
     for name, values in turned.items():
         yield transformed(name, values)
     # An interval of a second has no other unit of time.

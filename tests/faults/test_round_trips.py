@@ -117,6 +117,7 @@ def signed_permutations(draw: st.DrawFn) -> Any:
 axes_of_plane = st.sampled_from([
     ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
     ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
+    ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
 ])  # fmt: skip
 
 signs = st.sampled_from([1, -1])

@@ -23,6 +23,7 @@ from fedora_qa.estimators.flow.residual import TileGrid, patches_of
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.flow_axes import FLOW_AXES
 from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_intervals import Interval, interval_at, owned_intervals
 from fedora_qa.views.flow_residuals import (
@@ -345,9 +346,8 @@ def _transforms(
 ) -> Iterator[_FrameTransform]:
     """Yield transforms of the stored numbers, of their grid, of the interval, and of the colour frames."""
     flow_px, interval_s = tiles.flow_px, np.float32(interval.duration_s)
-    yield _FrameTransform("negated", "flow", -flow_px, frames)
-    yield _FrameTransform("transposed_axes", "flow", flow_px[..., ::-1], frames)
-    yield _FrameTransform("flipped_v", "flow", flow_px * np.array([1, -1], dtype=np.float32), frames)
+    for name, axes in FLOW_AXES.items():
+        yield _FrameTransform(name, "flow", axes.of(flow_px), frames)
     if interval_s > 0:
         yield _FrameTransform("rescaled_by_interval", "flow", flow_px * interval_s, frames, 1 / float(interval_s))
         yield _FrameTransform("rescaled_by_interval", "flow", flow_px / interval_s, frames, float(interval_s))

@@ -15,6 +15,7 @@ from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.flow_axes import FLOW_AXES
 from fedora_qa.views.flow_chains import (
     FEWEST_PIXELS,
     MOST_LOST,
@@ -57,9 +58,7 @@ COPIES: Final = ("field_of_another_rate", "repeated_field")
 by chance."""
 
 _TRANSFORMS: Final[tuple[tuple[str, FieldTransform], ...]] = (
-    ("negated", lambda flow_px: -flow_px),
-    ("transposed_axes", lambda flow_px: flow_px[..., ::-1]),
-    ("flipped_v", lambda flow_px: flow_px * np.array([1, -1], dtype=flow_px.dtype)),
+    *((name, axes.of) for name, axes in FLOW_AXES.items()),
     ("mirrored", lambda flow_px: flow_px[:, ::-1]),
     ("mirrored", lambda flow_px: flow_px[::-1]),
 )

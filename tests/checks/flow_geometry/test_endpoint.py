@@ -130,6 +130,10 @@ VALUE_FAULTS = {
     "half images": (lambda _, flow: flow / (np.array(flow.shape[-2:-4:-1]) / 2), "flow_unit", None),
     "axes": (lambda _, flow: flow[..., ::-1], "axes_swapped", None),
     "v up": (lambda _, flow: flow * np.array([1, -1]), "frame_convention", None),
+    "u left": (lambda _, flow: flow * np.array([-1, 1]), "frame_convention", None),
+    "v right, u up": (lambda _, flow: flow[..., ::-1] * np.array([1, -1]), "frame_convention", None),
+    "v left, u down": (lambda _, flow: flow[..., ::-1] * np.array([-1, 1]), "frame_convention", None),
+    "v left, u up": (lambda _, flow: -flow[..., ::-1], "frame_convention", None),
     "mirrored": (lambda _, flow: flow[:, :, ::-1], "mirrored", None),
     "shifted": (lambda _, flow: np.roll(flow, 3, axis=2), "spatial_offset", 3.0),
     "shifted both ways": (lambda _, flow: np.roll(flow, (2, -6), axis=(1, 2)), "spatial_offset", -np.hypot(6, 2)),
@@ -150,6 +154,7 @@ def test_fault_of_the_values_is_named(change: object, cause: str, magnitude: flo
 
 TWO_CONVENTIONS = {
     "v up": (lambda flow: flow * np.array([1, -1]), "frame_convention"),
+    "u left": (lambda flow: flow * np.array([-1, 1]), "frame_convention"),
     "axes": (lambda flow: flow[..., ::-1], "axes_swapped"),
     "sign": (lambda flow: -flow, "flow_sign"),
 }

@@ -72,6 +72,8 @@ RATE_FAULTS: dict[str, tuple[int, Callable[[Fields], Fields], str, float | None]
     "sign of the middle": (25, lambda flow: -flow, "flow_sign", None),
     "axes": (50, lambda flow: flow[..., ::-1], "axes_swapped", None),
     "v up": (10, lambda flow: flow * np.float32([1, -1]), "frame_convention", None),
+    "u left": (10, lambda flow: flow * np.float32([-1, 1]), "frame_convention", None),
+    "quarter turn": (25, lambda flow: flow[..., ::-1] * np.float32([1, -1]), "frame_convention", None),
     "gain": (50, lambda flow: 1.05 * flow, "flow_gain", 5.0),
     "small gain": (25, lambda flow: 0.995 * flow, "flow_gain", -0.5),
     "px/s": (10, lambda flow: 10 * flow, "flow_unit", 10.0),
