@@ -19,6 +19,7 @@ from typing import Final
 FORMAT_NAME: Final = "fedora"
 FORMAT_VERSION: Final = "1.0"
 
+MS_PER_S: Final = 1_000
 NS_PER_US: Final = 1_000
 NS_PER_MS: Final = 1_000_000
 NS_PER_S: Final = 1_000_000_000

@@ -11,6 +11,7 @@ from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.flow_events.sharpness import SharpestFlow
 from fedora_qa.checks.flow_photometric.rate_statistics import RateResidual, TemplateExplanation
 from fedora_qa.checks.flow_rates.composition import COPIES, RatePairsOff
+from fedora_qa.conventions import MS_PER_S
 from fedora_qa.diagnosis.hypothesis import Hypothesis, most_probable, support, support_of_extent, weakened
 from fedora_qa.diagnosis.measured_sizes import MS_PER_PERCENT_OF_S
 from fedora_qa.faults.units import LENGTHS, frame_period_s, length_of_flow_px
@@ -40,6 +41,7 @@ CAUSES_OF_TRANSFORM: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({
     "shifted_pixels": ("spatial_offset",),
     "rescaled_by_interval": ("flow_unit",),
     "times_interval": ("flow_unit",),
+    "times_milliseconds": ("flow_unit",),
     "divided_by_interval": ("flow_unit",),
     "mirrored_columns": ("mirrored",),
     "mirrored_rows": ("mirrored",),
@@ -246,8 +248,10 @@ def gain_hypothesis(
         ``flow_sign``, ``flow_unit``, or ``flow_gain`` with its size in percent.
     """
     factor = 1 + gain
-    # A field in px/s is that in px times 1 / seconds; one in px s is that in px times seconds.
-    for unit_factor in (seconds, 1 / seconds) if seconds > 0 else ():
+    # A field in px/s is that in px times 1 / seconds, one in px s is that times seconds, and one in px/ms is that times
+    # 1 / milliseconds, which is no other unit where the interval is a millisecond.
+    per_ms = (1 / (MS_PER_S * seconds),) if seconds > 0 and abs(MS_PER_S * seconds - 1) > tolerance else ()
+    for unit_factor in (seconds, 1 / seconds, *per_ms) if seconds > 0 else ():
         if abs(abs(factor) / unit_factor - 1) < tolerance:
             return Hypothesis("flow_unit", flow, removed_share, unit_factor, "1")
     # Motion per frame is that of every rate at once, of which the one from frame to frame does not show it.

@@ -13,8 +13,8 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
 from fedora_qa.checks.integrity.finite import OutOfRange
-from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
+from fedora_qa.conventions import MS_PER_S, NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.clocks import is_right_elsewhere
 from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
@@ -348,6 +348,8 @@ def _length_unit(fit: FittedCause) -> Faults:
 
 
 def _flow_units(fit: FittedCause) -> Faults:
+    if any(abs(fit.size * MS_PER_S / flow_rate_hz(rate) - 1) < _UNIT_TOLERANCE for rate in fit.facts.flow_streams):
+        yield units.FlowUnit(fit.stream, "px/ms")
     if fit.size > 1:
         if fractions := fractions_of_px(fit.size, _UNIT_TOLERANCE):
             yield units.FlowUnit(fit.stream, "fractions", fractions)

@@ -337,14 +337,16 @@ def is_flow_of_a_part(alarms: Sequence[Alarm]) -> bool:
     alarms
         Of the file, with the convention trials of ``flow_geometry.endpoint``.
     """
-    shares: dict[str, list[float]] = {}
+    shares: dict[tuple[str, str], list[float]] = {}
     for alarm in alarms:
         if alarm.finding.code.startswith("flow_geometry.endpoint."):
             for trial in alarm.statistic.features:
                 if isinstance(trial, ConventionTrial) and trial.stream == "flow":
-                    shares.setdefault(trial.transform, []).append(trial.removed_share)
-    explain = {transform for transform, removed in shares.items() if np.mean(removed) > _EXACT}
-    return explain == {"parts_of_motion"}
+                    for rate in ("", trial.rate):
+                        shares.setdefault((rate, trial.transform), []).append(trial.removed_share)
+    explain = {key for key, removed in shares.items() if np.mean(removed) > _EXACT}
+    # A gain may be the factor of a unit in one rate: what else explains a rate explains it.
+    return ("", "parts_of_motion") in explain and {transform for _, transform in explain} == {"parts_of_motion"}
 
 
 def _largest_jump_that_passes(measurement: Measurement) -> float:

@@ -161,7 +161,7 @@ class FlowSign:
 
 
 FlowUnitName = Literal[
-    "px/s", "px s", "images", "half images", "clip space", "focal lengths", "px per frame", "fractions"
+    "px/s", "px/ms", "px s", "images", "half images", "clip space", "focal lengths", "px per frame", "fractions"
 ]
 
 _IMAGES: Final[dict[FlowUnitName, tuple[float, float]]] = {
@@ -170,6 +170,9 @@ _IMAGES: Final[dict[FlowUnitName, tuple[float, float]]] = {
     "clip space": (0.5, -0.5),
 }
 """Units of length that depend on the size of the image, in widths and heights of it; negative where v is upwards."""
+
+_OF_TIME: Final[dict[FlowUnitName, float]] = {"px/s": 1.0, "px/ms": NS_PER_MS / NS_PER_S, "px per frame": 0.0}
+"""Units of time, s, of flow that was divided by its interval; 0: that of the file's frames."""
 
 LENGTHS: Final[tuple[FlowUnitName, ...]] = (*_IMAGES, "focal lengths")
 """Units in which flow is not in pixels but in lengths of its camera."""
@@ -205,11 +208,11 @@ class FlowUnit:
     stream
         ``flow``, or a rate.
     unit
-        ``px/s``; ``px s``: the equation of the paper applied to a displacement; ``images`` or ``half images``: u in
-        widths and v in heights of the image, or in halves of them, as samplers of networks count from -1 to 1; ``clip
-        space``: halves, with v upwards, as buffers of renderers have it; ``focal lengths``: on the plane at z = 1, as
-        undistorted points without a K are; ``px per frame``: the motion during one period of the colour frames,
-        whatever the interval; ``fractions``: whole numbers of a fraction of a pixel, that nothing has divided.
+        ``px/s``; ``px/ms``; ``px s``: the equation of the paper applied to a displacement; ``images`` or ``half
+        images``: u in widths and v in heights of the image, or in halves of them, as samplers of networks count from -1
+        to 1; ``clip space``: halves, with v upwards, as buffers of renderers have it; ``focal lengths``: on the plane
+        at z = 1, as undistorted points without a K are; ``px per frame``: the motion during one period of the colour
+        frames, whatever the interval; ``fractions``: whole numbers of a fraction of a pixel, that nothing has divided.
     per_px
         Number of fractions in a pixel.
     """
@@ -221,7 +224,10 @@ class FlowUnit:
 
     @property
     def magnitude(self) -> float:
-        """1 for px/s and the number of fractions, which are too large; -1 for all others, which are too small."""
+        """1 for px/s and the number of fractions, which are too large; -1 for all others, which are too small.
+
+        Values in px/ms are too small of rates below 1000 Hz.
+        """
         if self.unit == "fractions":
             return self.per_px
         return 1.0 if self.unit == "px/s" else -1.0
@@ -232,7 +238,7 @@ class FlowUnit:
             return self._in_lengths(facts, f"{self.stream} is in {self.unit}", -1)
         if self.unit == "fractions":
             return self._in_fractions(facts, f"{self.stream} is in 1/{self.per_px:g} px", self.per_px)
-        divided = self.unit in ("px/s", "px per frame")
+        divided = self.unit in _OF_TIME
         return self._scaled(facts, f"{self.stream} is in {self.unit}", divided=divided)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
@@ -241,7 +247,7 @@ class FlowUnit:
             return self._in_lengths(facts, f"{self.stream} from {self.unit} to px", 1)
         if self.unit == "fractions":
             return self._in_fractions(facts, f"{self.stream} from 1/{self.per_px:g} px to px", 1 / self.per_px)
-        divided = self.unit not in ("px/s", "px per frame")
+        divided = self.unit not in _OF_TIME
         return self._scaled(facts, f"{self.stream} from {self.unit} to px", divided=divided)
 
     def _in_fractions(self, facts: Facts, description: str, gain: float) -> Fault:
@@ -265,7 +271,7 @@ class FlowUnit:
     def _scaled(self, facts: Facts, description: str, *, divided: bool) -> Fault:
         rows = {}
         # Of motion per frame one period of the frames is the unit of time.
-        unit_s = frame_period_s(facts) if self.unit == "px per frame" else 1.0
+        unit_s = frame_period_s(facts) if self.unit == "px per frame" else _OF_TIME.get(self.unit, 1.0)
         if not unit_s:
             raise InapplicableError("Expected colour frames, got none: their period is the unit of time")
         for name in streams_in(facts, self.stream):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.conventions import MM_PER_M, R_BODY_OPTICAL
+from fedora_qa.conventions import MM_PER_M, MS_PER_S, R_BODY_OPTICAL
 from fedora_qa.estimators.flow.motion_fit import FlowSample, fit_motion, weigh_templates
 from fedora_qa.features import Feature
 from fedora_qa.geometry.camera import RigidMotion
@@ -201,8 +201,9 @@ def _with_other_flow(
     turned = {name: axes.of(flow) for name, axes in FLOW_AXES.items()}
     for name, values in turned.items():
         yield transformed(name, values)
-    # An interval of a second has no other unit of time.
-    of_time = (seconds, 1 / seconds) if seconds > 0 and abs(seconds - 1) > _ANOTHER_GAIN else ()
+    # Interval as a factor of values in px/s, px s and px/ms. One of a second, or of a millisecond, changes nothing.
+    times = (seconds, 1 / seconds, MS_PER_S * seconds) if seconds > 0 else ()
+    of_time = [factor for factor in times if abs(factor - 1) > _ANOTHER_GAIN]
     # Shares of the image, or of halves of it, and the plane at z = 1.
     focal_px = np.abs(np.diag(track.camera.K)[:2])
     lengths_px = ((width, height), (width / 2, height / 2), (float(focal_px[0]), float(focal_px[1])))
@@ -218,7 +219,8 @@ def _with_other_flow(
     # The factor that fits best, by least squares of stored = factor * recomputed.
     recomputed = sample.rigid_flow(track.camera.K, motion)
     ratio = float(np.nansum(flow * recomputed) / max(float(np.nansum(recomputed**2)), 1e-300))
-    units = (*of_time, *(1 / length_px for along_axes_px in lengths_px for length_px in along_axes_px))
+    of_length = (1 / length_px for along_axes_px in lengths_px for length_px in along_axes_px)
+    units = (*(1 / time_s for time_s in of_time), *of_length)
     for factor in (ratio, 2.0, 0.5):
         if factor > 0 and all(abs(factor / unit - 1) > _ANOTHER_GAIN for unit in units):
             yield transformed("scaled", flow / factor, 100 * (factor - 1))

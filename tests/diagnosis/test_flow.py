@@ -1,15 +1,29 @@
-"""What a gain of the flow means: a sign, a unit, or a gain."""
+"""What a gain of the flow means, a sign, a unit, or a gain; and in which axes its vectors are written."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.diagnosis.flow import fractions_of_px, frame_period_of, gain_hypothesis
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.flow import convention_hypotheses, fractions_of_px, frame_period_of, gain_hypothesis
 from fedora_qa.diagnosis.proposed_faults import faults_for
+from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.units import LENGTHS, FlowUnit, FlowUnitName, frame_period_s, length_of_flow_px
+from fedora_qa.features import Feature
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.layout.canonical import flow_rate_hz
+from fedora_qa.record.types import Finding, Where
+from fedora_qa.views.flow_axes import FLOW_AXES
+from fedora_qa.views.flow_conventions import ConventionTrial
 from tests.support.memory_sequence import facts_of, memory_sequence
 
 SECONDS, TOLERANCE = 0.04, 0.02
+
+
+def alarm(code: str, *features: Feature) -> Alarm:
+    statistic = Statistic("toy", 1.0, "1", 0.0, "off", code, Where(), features=features)
+    return Alarm(Finding("F1", code, "error", "off", Where()), statistic)
 
 
 def cause_of(factor: float) -> str:
@@ -24,13 +38,17 @@ def test_a_negative_gain_is_the_sign_first(factor: float) -> None:
     assert cause_of(-factor) == "flow_gain"
 
 
-@given(st.sampled_from((SECONDS, 1 / SECONDS)), st.sampled_from((1, -1)), st.floats(-0.015, 0.015))
+@given(st.sampled_from((SECONDS, 1 / SECONDS, 1e-3 / SECONDS)), st.sampled_from((1, -1)), st.floats(-0.015, 0.015))
 def test_a_unit_is_a_unit_with_either_sign(unit: float, sign: int, deviation: float) -> None:
     """The opposite sign shows once the unit is undone."""
     assert cause_of(sign * unit * (1 + deviation)) == "flow_unit"
 
 
-@given(st.floats(-0.3, 3.0).filter(lambda factor: abs(abs(factor) / SECONDS - 1) > TOLERANCE))
+@given(
+    st.floats(-0.3, 3.0).filter(
+        lambda factor: all(abs(abs(factor) / unit - 1) > TOLERANCE for unit in (SECONDS, 1e-3 / SECONDS))
+    )
+)
 def test_other_factors_are_gains(factor: float) -> None:
     """Undoing the sign of a factor near 0 would leave more than half."""
     assert cause_of(factor) == "flow_gain"
@@ -95,3 +113,34 @@ def test_the_unit_of_the_fitted_length_is_undone_first(unit: FlowUnitName) -> No
     # Half images and clip space have one length along columns.
     assert FlowUnit("flow", unit) in faults[: 2 if unit in ("half images", "clip space") else 1]
     assert {fault.unit for fault in faults if isinstance(fault, FlowUnit)} == {*LENGTHS, "px s"}
+
+
+def test_px_per_millisecond_is_undone_by_the_factor_of_any_rate() -> None:
+    """It is another factor for each rate, and none of intervals of a millisecond."""
+    facts = facts_of(memory_sequence())
+    for rate in facts.flow_streams:
+        faults = faults_for("flow_unit", "flow", flow_rate_hz(rate) / 1000, (), {}, facts)
+        assert next(faults) == FlowUnit("flow", "px/ms")
+    assert gain_hypothesis("flow", 0.0, None, 1.0, 1e-3, TOLERANCE).cause == "flow_gain"
+
+
+def test_of_several_axes_of_flow_the_one_that_removes_most_is_undone_first() -> None:
+    """Alone and beside another unit; transforms with another cause are no axes to undo here."""
+    facts = facts_of(memory_sequence())
+    for name in ("quarter_turn", "flipped_u", "negated_transposed_axes_in_another_unit"):
+        trials = [ConventionTrial("flow/10hz", each, "flow", share) for each, share in
+                  (("flipped_v", 0.4), (name, 0.9), ("negated", 0.8))]  # fmt: skip
+        alarms = [alarm("flow_geometry.endpoint.error", *trials)]
+        first, *others = faults_for("frame_convention", "flow", None, alarms, {}, facts)
+        assert isinstance(first, VectorAxes)
+        written = np.array(first.axes)[:2, :2]
+        np.testing.assert_array_equal(FLOW_AXES[name.removesuffix("_in_another_unit")].matrix @ written, np.eye(2))
+        assert len({first, *others}) == 5
+
+
+def test_one_transform_of_a_cause_is_not_weakened_by_another() -> None:
+    """The mean over the fields is that of each transform."""
+    shares = (("flipped_v", 1.0), ("flipped_v", 0.8), ("flipped_u", 0.0), ("flipped_u", 0.2))
+    trials = [ConventionTrial("flow/10hz", name, "flow", share) for name, share in shares]
+    (hypothesis,) = convention_hypotheses("flow/10hz", trials, "flow", share_off=1.0)
+    assert hypothesis.support == pytest.approx(0.9)

@@ -156,7 +156,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(NoiseMisdeclared, st.just("events"), st.tuples(st.tuples(st.just("leak_rate_hz"), unit))), rounded),
     (st.builds(LengthUnit, st.sampled_from(["depth", "pose"]), st.sampled_from([1e-3, 1e3, 1.013]), ranges), rounded),
     (st.builds(AngleUnit, st.just(180 / np.pi), ranges), rounded),
-    (st.builds(FlowUnit, flows, st.sampled_from(["px/s", "px s", "px per frame", *LENGTHS])), rounded),
+    (st.builds(FlowUnit, flows, st.sampled_from(["px/s", "px/ms", "px s", "px per frame", *LENGTHS])), rounded),
     (st.builds(FlowUnit, flows, st.just("fractions"), st.sampled_from([64.0, 1000.0])), rounded),
     (st.builds(FlowSign, flows), exact),
     (st.builds(FlowGain, flows, st.floats(-50, 90), ranges, st.none() | st.floats(-50, 90)), rounded),

@@ -138,6 +138,11 @@ def in_px_per_s(arrays: Arrays) -> Arrays:
     return {key: (arrays[key].astype(float) / intervals_s[key]).astype(np.float32) for key in FLOW_KEYS}
 
 
+def in_px_per_ms(arrays: Arrays) -> Arrays:
+    """Divide displacements by the duration of their interval, ms."""
+    return {key: (flow.astype(float) / 1000).astype(np.float32) for key, flow in in_px_per_s(arrays).items()}
+
+
 def per_frame(arrays: Arrays) -> Arrays:
     """Divide displacements by the number of periods of the frames in their interval."""
     period_s = np.median(np.diff(arrays["path/rgb_ts"])) / 1e9
@@ -279,6 +284,7 @@ ROUNDED: list[Truth] = [
     (LengthUnit("pose", 1e3), on(lambda position: position * 1000, "path/pose/position")),
     (AngleUnit(180 / np.pi), on(np.degrees, "path/imu/angular_velocity")),
     (FlowUnit("flow", "px/s"), in_px_per_s),
+    (FlowUnit("flow", "px/ms"), in_px_per_ms),
     (FlowUnit("flow", "px per frame"), per_frame),
     (FlowUnit("flow", "fractions", 128.0), on(lambda flow: flow * np.float32(128), *FLOW_KEYS)),
     (FlowUnit("flow", "images"), in_images),

@@ -18,7 +18,7 @@ from fedora_qa.checks.flow_photometric.rate_statistics import (
     worst_statistics,
 )
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import MS_PER_S, NS_PER_S
 from fedora_qa.estimators.flow.residual import TileGrid, patches_of
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
@@ -351,6 +351,8 @@ def _transforms(
     if interval_s > 0:
         yield _FrameTransform("rescaled_by_interval", "flow", flow_px * interval_s, frames, 1 / float(interval_s))
         yield _FrameTransform("rescaled_by_interval", "flow", flow_px / interval_s, frames, float(interval_s))
+        interval_ms = MS_PER_S * interval_s
+        yield _FrameTransform("times_milliseconds", "flow", flow_px * interval_ms, frames, 1 / float(interval_ms))
     for gain in _GAINS:
         yield _FrameTransform("scaled", "flow", flow_px / np.float32(gain), frames, 100 * (gain - 1))
 

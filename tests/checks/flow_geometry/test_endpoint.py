@@ -126,6 +126,7 @@ VALUE_FAULTS = {
     "sign": (lambda _, flow: -flow, "flow_sign", None),
     "px/s": (lambda stream, flow: flow * float(stream.split("/")[1][:-2]), "flow_unit", 10.0),
     "px s": (lambda stream, flow: flow / float(stream.split("/")[1][:-2]), "flow_unit", 0.1),
+    "px/ms": (lambda stream, flow: flow * float(stream.split("/")[1][:-2]) / 1000, "flow_unit", 0.01),
     "focal lengths": (lambda _, flow: flow / np.array([K[0, 0], K[1, 1]]), "flow_unit", None),
     "half images": (lambda _, flow: flow / (np.array(flow.shape[-2:-4:-1]) / 2), "flow_unit", None),
     "axes": (lambda _, flow: flow[..., ::-1], "axes_swapped", None),

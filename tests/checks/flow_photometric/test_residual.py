@@ -96,6 +96,8 @@ def test_constant_error_is_measured_with_its_sign() -> None:
 GROSS = {
     "sign": (lambda _, flow: -flow, "flow_sign"),
     "axes": (lambda _, flow: flow[..., ::-1], "axes_swapped"),
+    "quarter turn": (lambda _, flow: flow[..., ::-1] * np.array([-1, 1]), "frame_convention"),
+    "px/ms": (lambda stream, flow: flow * float(stream.split("/")[1][:-2]) / 1000, "flow_unit"),
     "px/s": (lambda stream, flow: flow * float(stream.split("/")[1][:-2]), "flow_unit"),
     "px s": (lambda stream, flow: flow / float(stream.split("/")[1][:-2]), "flow_unit"),
 }
