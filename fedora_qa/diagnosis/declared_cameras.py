@@ -7,7 +7,7 @@ than the others. Each such declaration states its own correction, which a trial 
 
 from collections.abc import Mapping
 from itertools import permutations
-from math import atan, hypot, tan
+from math import atan, hypot, log, sqrt, tan
 from types import MappingProxyType
 from typing import Final
 
@@ -21,8 +21,10 @@ from fedora_qa.faults.cameras import (
     FilmFocalLength,
     FocalLength,
     IntrinsicsOfSize,
+    IntrinsicsOfSizes,
     MountingRotation,
     MountingUnit,
+    PrincipalPointFromMiddle,
     PrincipalPointShift,
     TransposedIntrinsics,
     is_transposed,
@@ -71,6 +73,16 @@ _SAME: Final = 1e-7
 """Relative tolerance of round numbers: declared numbers are float64, and numbers with few digits rarely occur by
 chance."""
 
+_FROM_MIDDLE: Final = 0.2
+"""Largest distance of a principal point from the middle of its image, in halves of the image. The value is not derived:
+lenses are centred to a tenth of the width, and a trial decides."""
+
+_SHAPES: Final = 16 / 9 / (5 / 4)
+"""Largest ratio of two shapes of images: the widest and the narrowest that are common."""
+
+_RESIZINGS: Final = tuple(factor * 2.0**power for power in range(-2, 6) for factor in (1.0, 1.5))
+"""Ratios by which images are commonly resized: halves, and halves of three."""
+
 _UNITS: Final = (1000.0, 100.0)
 """Declared over correct lengths: millimetres, centimetres."""
 
@@ -83,11 +95,18 @@ def of_declared_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     for name in sorted(names):
         if is_transposed(facts.declared.cameras[name].K):
             hypotheses.append(transposed_hypothesis(facts))
+        of_size = {fault: support_of_resizing(facts, fault.camera) for fault in resized_images(facts)}
+        of_size |= dict.fromkeys(other_sizes(facts), support("metadata.of_another_size"))
         hypotheses += [
-            Hypothesis("intrinsics_focal", "metadata", support("metadata.of_another_size"), fault.magnitude, "percent")
-            for fault in other_sizes(facts)
+            Hypothesis("intrinsics_focal", "metadata", supported, fault.magnitude, "percent")
+            for fault, supported in of_size.items()
             if fault.camera == name
         ]
+    hypotheses += [
+        Hypothesis("intrinsics_centre", "metadata", support("metadata.centre_from_middle"), fault.magnitude, "px")
+        for fault in centres_from_middle(facts)
+        if names & set(fault.names)
+    ]
     films = [fault for fault in film_focal_lengths(facts) if names & set(fault.names)]
     hypotheses += [
         Hypothesis("intrinsics_focal", "metadata", support("metadata.view_too_wide"), fault.magnitude, "percent")
@@ -151,6 +170,60 @@ def other_sizes(facts: Facts) -> tuple[IntrinsicsOfSize, ...]:
         # Where both have one K, it is that of the image in the middle of which the principal point lies.
         and _from_middle(camera, camera) > _from_middle(camera, other)
     )
+
+
+def resized_images(facts: Facts) -> tuple[IntrinsicsOfSize, ...]:
+    """Return the cameras whose K may be that of an image that was resized, by where its principal point lies.
+
+    A principal point lies about in the middle of its image: of an image of width w at (w - 1) / 2. Where it lies in the
+    middle of another width and height, by about one ratio of both, K is that of this image. Its size is stated to the
+    pixel by a principal point that was designed; by one that was calibrated it is the nearest common ratio.
+    """
+    faults = []
+    for name, camera in facts.declared.cameras.items():
+        # Width and height of the image in the middle of which the principal point lies.
+        width, height = (2 * float(camera.K[i, 2]) + 1 for i in (0, 1))
+        ratios = width / camera.width, height / camera.height
+        if is_transposed(camera.K) or not np.isfinite(ratios).all() or min(ratios) < _FROM_MIDDLE:
+            continue
+        if not (min(ratios) > 1 + _FROM_MIDDLE or max(ratios) < 1 - _FROM_MIDDLE) or max(ratios) > _SHAPES * min(
+            ratios
+        ):
+            continue
+        ratio = sqrt(ratios[0] * ratios[1])
+        common = min(_RESIZINGS, key=lambda each: abs(log(ratio / each)))
+        # Designed: (width - 1) / 2, or width / 2, which is half a pixel beside it.
+        is_whole = abs(width - round(width)) < _SAME * width and abs(height - round(height)) < _SAME * height
+        if not is_whole and abs(log(ratio / common)) < _FROM_MIDDLE:
+            width, height = common * camera.width, common * camera.height
+        faults.append(IntrinsicsOfSize(name, round(width), round(height), 100 * (width / camera.width - 1)))
+    return tuple(faults)
+
+
+def support_of_resizing(facts: Facts, name: str) -> float:
+    """Return the support of a resized image: more where the principal point is outside of the image of the camera."""
+    camera = facts.declared.cameras[name]
+    row = "of_resized_image" if _centre_inside(camera, camera) else "of_another_size"
+    return support(f"metadata.{row}")
+
+
+def sizes_of_images(facts: Facts) -> tuple[IntrinsicsOfSize | IntrinsicsOfSizes, ...]:
+    """Return the cameras whose K may be that of an image of another size: all that were resized, then each of them."""
+    resized = resized_images(facts)
+    together = (IntrinsicsOfSizes(resized),) if len(resized) > 1 else ()
+    return (*together, *dict.fromkeys((*resized, *other_sizes(facts))))
+
+
+def centres_from_middle(facts: Facts) -> tuple[PrincipalPointFromMiddle, ...]:
+    """Return the cameras whose principal point may be counted from the middle of the image: it lies about at 0, 0."""
+    largest_px = {
+        name: signed_length((-(camera.width - 1) / 2, -(camera.height - 1) / 2))
+        for name, camera in facts.declared.cameras.items()
+        if not is_transposed(camera.K)
+        and 2 * abs(camera.K[0, 2]) < _FROM_MIDDLE * camera.width
+        and 2 * abs(camera.K[1, 2]) < _FROM_MIDDLE * camera.height
+    }
+    return (PrincipalPointFromMiddle(tuple(largest_px), min(largest_px.values())),) if largest_px else ()
 
 
 def other_views(facts: Facts) -> tuple[FocalLength, ...]:

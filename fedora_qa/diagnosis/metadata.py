@@ -8,7 +8,7 @@ from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint, Rect
 from fedora_qa.checks.metadata.complete import DeclarationDefect
 from fedora_qa.checks.metadata.units import UnitLabel
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.declared_cameras import transposed, transposed_hypothesis
+from fedora_qa.diagnosis.declared_cameras import resized_images, support_of_resizing, transposed, transposed_hypothesis
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, over_all_rates, support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import is_flow_stream
@@ -64,7 +64,13 @@ def propose_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             return wrong, *mirrored
         case "principal_point_outside":
             distance_px = only_feature(statistic.features, PrincipalPoint).from_centre_px
-            return (Hypothesis("intrinsics_centre", "metadata", support("metadata.centre_outside"), distance_px, "px"),)
+            outside = Hypothesis("intrinsics_centre", "metadata", support("metadata.centre_outside"), distance_px, "px")
+            of_size = (
+                Hypothesis("intrinsics_focal", "metadata", support_of_resizing(facts, fault.camera), fault.magnitude,
+                           "percent")
+                for fault in resized_images(facts)
+            )  # fmt: skip
+            return *of_size, outside
         case "size":
             return (Hypothesis("wrong_shape", "metadata", support("metadata.size_of_camera")),)
         case "T_body_camera_rigid":

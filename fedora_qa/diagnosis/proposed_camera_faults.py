@@ -9,12 +9,13 @@ import numpy as np
 
 from fedora_qa.checks.event_response.alignment import CameraErrorFits
 from fedora_qa.diagnosis.declared_cameras import (
+    centres_from_middle,
     film_focal_lengths,
     odd_centres,
     odd_mounting,
     opposite_focal_lengths,
-    other_sizes,
     other_views,
+    sizes_of_images,
     transposed,
 )
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
@@ -59,7 +60,7 @@ def focal_length(fit: FittedCause) -> Faults:
     if fit.stream == "metadata":
         yield from opposite_focal_lengths(fit.facts)
         yield from film_focal_lengths(fit.facts)
-        yield from other_sizes(fit.facts)
+        yield from sizes_of_images(fit.facts)
         yield from other_views(fit.facts)
     for best in islice(_camera_errors(fit, FOCAL_MODELS), 1):
         # Events whose image is wider by k: f' = f / (1 + k) of the event camera, or f' = f (1 + k) of that of colour.
@@ -76,6 +77,7 @@ def principal_point(fit: FittedCause) -> Faults:
     if fit.stream == "metadata":
         if (by_transposing := transposed(fit.facts)).from_centre_px:
             yield by_transposing
+        yield from centres_from_middle(fit.facts)
         yield from odd_centres(fit.facts)
     u, v = fitted_vector(fit) or flow_vector("centre", ("u", "v"), fit.stream, fit.results)
     along_axes = ((fit.size, 0.0), (0.0, fit.size))

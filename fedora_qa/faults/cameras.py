@@ -4,7 +4,7 @@ Flow of a wrong camera is undone by the difference of two flows made from the de
 wrong and the declared camera, so that noise of the poses cancels to first order.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final, Literal
 
@@ -203,13 +203,91 @@ class IntrinsicsOfSize:
         )
 
     def _scaled(self, facts: Facts, description: str, *, forward: bool) -> Fault:
-        def change(camera: Camera) -> Camera:
-            own, other = _of_size(camera.width, camera.height), _of_size(self.width, self.height)
-            # K of an image = (pixels of the image from its middle, in widths) x (a K that no size enters).
-            to, of = (other, own) if forward else (own, other)
-            return replace(camera, K=to @ np.linalg.solve(of, camera.K))
+        return _declared(facts, description, lambda camera: self.changed(camera, forward=forward), self.camera)
 
-        return _declared(facts, description, change, self.camera)
+    def changed(self, camera: Camera, *, forward: bool) -> Camera:
+        """Return the camera with K of the other size, or with K of its own size in place of that."""
+        own, other = _of_size(camera.width, camera.height), _of_size(self.width, self.height)
+        # K of an image = (pixels of the image from its middle, in widths) x (a K that no size enters).
+        to, of = (other, own) if forward else (own, other)
+        return replace(camera, K=to @ np.linalg.solve(of, camera.K))
+
+
+@dataclass(frozen=True, slots=True)
+class IntrinsicsOfSizes:
+    """K of several cameras are those of images of other sizes, as where all images were resized and no K was.
+
+    Attributes
+    ----------
+    parts
+        One for each camera.
+    """
+
+    parts: tuple[IntrinsicsOfSize, ...]
+    cause: ClassVar[str] = "intrinsics_focal"
+    stream: ClassVar[str] = "metadata"
+
+    @property
+    def magnitude(self) -> float:
+        """Excess of the focal length, percent; the largest of all cameras."""
+        return max((part.percent for part in self.parts), key=abs)
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare K of the other sizes."""
+        return self._scaled(facts, f"K of {self._names} are those of images of other sizes", forward=True)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare K of the sizes of the cameras."""
+        return self._scaled(facts, f"K of {self._names} from images of other sizes to theirs", forward=False)
+
+    @property
+    def _names(self) -> str:
+        return ", ".join(part.camera for part in self.parts)
+
+    def _scaled(self, facts: Facts, description: str, *, forward: bool) -> Fault:
+        changes = {part.camera: part for part in self.parts}
+        return _declared_each(
+            facts, description, changes, lambda name, camera: changes[name].changed(camera, forward=forward)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PrincipalPointFromMiddle:
+    """Principal points are counted from the middle of the image, not from its first pixel: about 0, 0.
+
+    Attributes
+    ----------
+    names
+        Of the declared cameras.
+    from_centre_px
+        By how much they are too far right and down: negative; of several cameras the largest.
+    """
+
+    names: tuple[str, ...]
+    from_centre_px: float = 0.0
+    cause: ClassVar[str] = "intrinsics_centre"
+    stream: ClassVar[str] = "metadata"
+
+    @property
+    def magnitude(self) -> float | None:
+        """Displacement of the principal point, px."""
+        return self.from_centre_px or None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Count from the middle."""
+        return self._moved(facts, f"the principal point of {', '.join(self.names)} is counted from the middle", -1)
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Count from the first pixel."""
+        return self._moved(facts, f"the principal point of {', '.join(self.names)} counted from the first pixel", 1)
+
+    def _moved(self, facts: Facts, description: str, sign: Literal[1, -1]) -> Fault:
+        def moved(_: str, camera: Camera) -> Camera:
+            shift = np.zeros((3, 3))
+            shift[:2, 2] = sign * (camera.width - 1) / 2, sign * (camera.height - 1) / 2
+            return replace(camera, K=camera.K + shift)
+
+        return _declared_each(facts, description, self.names, moved)
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,16 +326,11 @@ class FilmFocalLength:
         return self._scaled(facts, f"the focal length of {of} from mm of a {self.film_mm:g} mm film to px", -1)
 
     def _scaled(self, facts: Facts, description: str, power: Literal[1, -1]) -> Fault:
-        if not facts.declared.cameras.keys() >= set(self.names):
-            raise InapplicableError(f"Expected declared cameras {', '.join(self.names)}, got fewer")
-
-        def changed(camera: Camera) -> Camera:
+        def changed(_: str, camera: Camera) -> Camera:
             gain = (self.film_mm / max(camera.width, camera.height)) ** power
             return replace(camera, K=camera.K * np.array([[gain, gain, 1.0], [gain, gain, 1.0], [1.0, 1.0, 1.0]]))
 
-        declared = facts.declared.cameras
-        cameras = {name: changed(camera) if name in self.names else camera for name, camera in declared.items()}
-        return Fault(description, declared=replace(facts.declared, cameras=cameras))
+        return _declared_each(facts, description, self.names, changed)
 
 
 def _of_size(width: int, height: int) -> Float64:
@@ -407,6 +480,17 @@ def _declared(facts: Facts, description: str, change: Change, only: str | None) 
     if not declared or (only is not None and only not in declared):
         raise InapplicableError(f"Expected a declared camera{f' {only}' if only else ''}, got none")
     cameras = {name: change(camera) if only in (None, name) else camera for name, camera in declared.items()}
+    return Fault(description, declared=replace(facts.declared, cameras=cameras))
+
+
+def _declared_each(
+    facts: Facts, description: str, names: Collection[str], change: Callable[[str, Camera], Camera]
+) -> Fault:
+    """Return the fault that changes some declared cameras, each by its name."""
+    declared = facts.declared.cameras
+    if not names or not declared.keys() >= set(names):
+        raise InapplicableError(f"Expected declared cameras {', '.join(names)}, got fewer")
+    cameras = {name: change(name, camera) if name in names else camera for name, camera in declared.items()}
     return Fault(description, declared=replace(facts.declared, cameras=cameras))
 
 

@@ -87,10 +87,15 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         ("intrinsics_focal", "metadata"): (
             cameras.FocalLength,
             cameras.IntrinsicsOfSize,
+            cameras.IntrinsicsOfSizes,
             cameras.FilmFocalLength,
         ),
         ("intrinsics_focal", "flow"): (cameras.FocalLength,),
-        ("intrinsics_centre", "metadata"): (cameras.PrincipalPointShift, cameras.TransposedIntrinsics),
+        ("intrinsics_centre", "metadata"): (
+            cameras.PrincipalPointShift,
+            cameras.PrincipalPointFromMiddle,
+            cameras.TransposedIntrinsics,
+        ),
         ("intrinsics_centre", "flow"): (cameras.PrincipalPointShift,),
         **_every("extrinsic_rotation", (cameras.MountingRotation,)),
         **_every(

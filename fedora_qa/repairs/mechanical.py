@@ -83,6 +83,8 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         cameras.MountingLeverArm: _MECHANICAL,
         cameras.MountingUnit: _MECHANICAL,
         cameras.TransposedIntrinsics: _MECHANICAL,
+        cameras.PrincipalPointFromMiddle: _MECHANICAL,
+        cameras.IntrinsicsOfSizes: "That both sizes have the same view is an assumption; calibrate the cameras.",
         cameras.IntrinsicsOfSize: "That both sizes have the same view is an assumption; calibrate the camera.",
         cameras.FilmFocalLength: "The size of the film is an assumption; calibrate the camera.",
         declarations.ThresholdMisdeclared: _MECHANICAL,

@@ -8,12 +8,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.causes import CAUSES
+from fedora_qa.checks.metadata.cameras import PrincipalPoint
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.declared_cameras import (
+    centres_from_middle,
     film_focal_lengths,
     odd_mounting,
     of_declared_cameras,
     other_views,
+    resized_images,
+    sizes_of_images,
 )
 from fedora_qa.diagnosis.metadata import propose_cameras
 from fedora_qa.diagnosis.proposed_faults import faults_for
@@ -58,6 +62,31 @@ def of_twice_the_size(camera: Camera) -> Camera:
     return replace(camera, K=K)
 
 
+def of_an_image_of(width: int, height: int) -> Callable[[Camera], Camera]:
+    """K of the image before it was resized, and cut to another shape about its middle."""
+
+    def change(camera: Camera) -> Camera:
+        focal_px = camera.K[0, 0] * width / camera.width
+        return replace(camera, K=np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]]))
+
+    return change
+
+
+def halved(camera: Camera) -> Camera:
+    """K of an image of half the size whose principal point was calibrated: pixel centres at 2 i + 1/2."""
+    K = camera.K.copy()
+    K[:2, 2] += 0.05 * camera.width, -0.02 * camera.height
+    K = np.diag([0.5, 0.5, 1.0]) @ K
+    K[:2, 2] -= 0.25
+    return replace(camera, K=K)
+
+
+def from_the_middle(camera: Camera) -> Camera:
+    K = camera.K.copy()
+    K[:2, 2] -= (camera.width - 1) / 2, (camera.height - 1) / 2
+    return replace(camera, K=K)
+
+
 def in_mm_of_film(camera: Camera) -> Camera:
     """Focal lengths in mm of a film of 36 mm, as Blender states them."""
     return replace(camera, K=camera.K * with_focal_gains(36 / camera.width, 36 / camera.width))
@@ -90,6 +119,10 @@ CASES = [
     ("depth.scale.factor", times(1000.0), ALL, "lever_arm"),
     ("depth.consistency.frame", times(100.0), ALL, "lever_arm"),
     ("event_response.orientation.unrelated", of_twice_the_size, ("events",), "intrinsics_focal"),
+    ("flow_geometry.endpoint.error", of_an_image_of(1440, 1080), ALL, "intrinsics_focal"),
+    ("event_response.conservation.pixels", of_an_image_of(1440, 1080), ("rgb",), "intrinsics_focal"),
+    ("event_response.timing.offset", from_the_middle, ("rgb",), "intrinsics_centre"),
+    ("depth.scale.factor", from_the_middle, ALL, "intrinsics_centre"),
     ("flow_geometry.endpoint.error", rows_upwards, ALL, "intrinsics_focal"),
     ("flow_geometry.endpoint.error", rows_upwards, ("depth",), "intrinsics_focal"),
 ]
@@ -130,6 +163,48 @@ def test_correct_cameras_propose_nothing(code: str) -> None:
         return replace(camera, K=K, width=camera.width - 6)
 
     assert of_declared_cameras(alarm(code), declared(facts, cropped, ("events",))) == ()
+
+
+def test_the_size_of_a_resized_image_is_rounded_to_a_common_ratio() -> None:
+    """Where the principal point was calibrated, and lies in the middle of no image."""
+    facts = declared(facts_with_sizes(), halved, ALL)
+    for fault in resized_images(facts):
+        camera = facts.declared.cameras[fault.camera]
+        assert (2 * fault.width, 2 * fault.height) == (camera.width, camera.height)
+        assert fault.percent == pytest.approx(-50.0)
+    assert {fault.camera for fault in resized_images(facts)} == set(ALL)
+    # All of them together are tried first.
+    first = sizes_of_images(facts)[0].undo(facts, memory_sequence()).declared
+    assert first is not None
+    for name, camera in first.cameras.items():
+        np.testing.assert_allclose(camera.K[0, 0], facts_with_sizes().declared.cameras[name].K[0, 0])
+
+
+def test_a_principal_point_beside_the_middle_is_of_the_image_itself() -> None:
+    """A calibrated one lies within a tenth of the size from the middle; one of another shape belongs to no image."""
+
+    def moved(right: float, down: float) -> Callable[[Camera], Camera]:
+        def change(camera: Camera) -> Camera:
+            K = camera.K.copy()
+            K[:2, 2] += right * camera.width, down * camera.height
+            return replace(camera, K=K)
+
+        return change
+
+    for shift in ((0.09, 0.09), (-0.09, 0.05), (0.3, 0.0), (0.0, -0.3), (-0.5, 0.0), (0.4, -0.4)):
+        facts = declared(facts_with_sizes(), moved(*shift), ("rgb",))
+        assert resized_images(facts) == ()
+        assert centres_from_middle(facts) == ()
+
+
+def test_a_principal_point_outside_of_the_image_is_that_of_another_size_first() -> None:
+    """The check of the declarations proposes the focal length of the resized image beside the principal point."""
+    facts = declared(facts_with_sizes(), of_an_image_of(1440, 1080), ("rgb",))
+    statistic = Statistic("toy", 1.0, "1", 0.0, "off", "toy", Where(), features=(PrincipalPoint(900.0),))
+    outside = replace(alarm("metadata.cameras.principal_point_outside"), statistic=statistic)
+    causes = [(h.cause, h.magnitude) for h in propose_cameras(outside, facts)]
+    percent = 100 * (1440 / facts.declared.cameras["rgb"].width - 1)
+    assert causes == [("intrinsics_focal", pytest.approx(percent)), ("intrinsics_centre", 900.0)]
 
 
 def large(camera: Camera) -> Camera:

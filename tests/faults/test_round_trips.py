@@ -15,9 +15,11 @@ from fedora_qa.faults.cameras import (
     FilmFocalLength,
     FocalLength,
     IntrinsicsOfSize,
+    IntrinsicsOfSizes,
     MountingLeverArm,
     MountingRotation,
     MountingUnit,
+    PrincipalPointFromMiddle,
     PrincipalPointShift,
     TransposedIntrinsics,
 )
@@ -169,6 +171,11 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.just(TransposedIntrinsics()), exact),
     (st.builds(FilmFocalLength, st.sampled_from([36.0, 23.76]), st.just(("rgb", "events")), st.just(0.0)), rounded),
     (st.builds(IntrinsicsOfSize, st.just("events"), st.integers(20, 900), st.integers(20, 900), st.just(0.0)), rounded),
+    (st.builds(IntrinsicsOfSizes, st.tuples(
+        st.builds(IntrinsicsOfSize, st.just("events"), st.integers(20, 900), st.integers(20, 900), st.just(0.0)),
+        st.builds(IntrinsicsOfSize, st.just("rgb"), st.integers(20, 900), st.integers(20, 900), st.just(9.0)),
+    )), rounded),
+    (st.builds(PrincipalPointFromMiddle, st.just(("rgb", "events"))), rounded),
     (st.builds(PoseLeverArm, vectors), rounded),
     (st.builds(QuaternionOrder, st.permutations(range(4)).map(tuple), st.booleans()), exact),
     (st.just(QuaternionInversion()), exact),

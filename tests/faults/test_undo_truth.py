@@ -18,9 +18,11 @@ from fedora_qa.faults.cameras import (
     FilmFocalLength,
     FocalLength,
     IntrinsicsOfSize,
+    IntrinsicsOfSizes,
     MountingLeverArm,
     MountingRotation,
     MountingUnit,
+    PrincipalPointFromMiddle,
     PrincipalPointShift,
     TransposedIntrinsics,
 )
@@ -533,6 +535,9 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
     # 36 mm of film lie along the longer side of the image.
     of_film = 36 / max(camera.width, camera.height)
     in_mm = np.array([[of_film * K[0, 0], 0, K[0, 2]], [0, of_film * K[1, 1], K[1, 2]], [0, 0, 1]])
+    # Pixel 0 is (size - 1) / 2 before the middle.
+    from_middle = np.array([[K[0, 0], 0, K[0, 2] - (camera.width - 1) / 2],
+                            [0, K[1, 1], K[1, 2] - (camera.height - 1) / 2], [0, 0, 1]])  # fmt: skip
     rolled, forward, bare, far = T.copy(), T.copy(), np.eye(4), T.copy()
     far[:3, 3] *= 1000
     rolled[:3, :3] = T[:3, :3] @ Rotation.from_euler("z", 5, degrees=True).as_matrix()
@@ -544,6 +549,11 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
         "rolled": (MountingRotation("metadata", (0, 0, 5)), replace(camera, T_body_camera=rolled)),
         "transposed": (TransposedIntrinsics(), replace(camera, K=K.T)),
         "size": (IntrinsicsOfSize("depth", 2 * camera.width, 2 * camera.height, 100.0), replace(camera, K=twice)),
+        "sizes": (
+            IntrinsicsOfSizes((IntrinsicsOfSize("depth", 2 * camera.width, 2 * camera.height, 100.0),)),
+            replace(camera, K=twice),
+        ),
+        "middle": (PrincipalPointFromMiddle(("depth",)), replace(camera, K=from_middle)),
         "film": (FilmFocalLength(36.0, ("depth",), 0.0), replace(camera, K=in_mm)),
         "unit": (MountingUnit(1000.0), replace(camera, T_body_camera=far)),
         "lever": (MountingLeverArm((0.2, 0, 0)), replace(camera, T_body_camera=forward)),
@@ -564,7 +574,7 @@ def test_declared_cameras_are_put_back(name: str) -> None:
         np.testing.assert_allclose(undone.cameras[key].T_body_camera, camera.T_body_camera, atol=1e-13)
 
 
-@pytest.mark.parametrize("name", ["focal", "size", "film"])
+@pytest.mark.parametrize("name", ["focal", "size", "sizes", "middle", "film"])
 def test_one_declared_camera_is_put_back(name: str) -> None:
     """A fault of the depth camera alone leaves the others as they are."""
     clean = memory_sequence()
