@@ -6,17 +6,20 @@ than the others. Each such declaration states its own correction, which a trial 
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import permutations
 from math import atan, hypot, log, sqrt, tan
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.metadata.cameras import convention_offset_px
 from fedora_qa.conventions import R_BODY_OPTICAL
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
+from fedora_qa.faults.axes import CameraAxes, InvertedMounting
 from fedora_qa.faults.cameras import (
     FilmFocalLength,
     FocalLength,
@@ -29,11 +32,11 @@ from fedora_qa.faults.cameras import (
     TransposedIntrinsics,
     is_transposed,
 )
-from fedora_qa.faults.fault import signed_length
+from fedora_qa.faults.fault import Matrix3, signed_length
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.camera_axes import AXES_AGREE, is_about_parallel
+from fedora_qa.views.camera_axes import AXES_AGREE, CENTRES_AGREE_M, is_about_parallel
 
 _CAMERAS_OF_SUBJECT: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
     {
@@ -67,6 +70,9 @@ least."""
 
 _OPPOSITE_PERCENT: Final = -200.0
 """Excess of a focal length that has the opposite sign."""
+
+_SAME_AXES: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_FRD_FROM_FLU: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 
 _ROUND_DEG: Final = 0.5
 _SAME: Final = 1e-7
@@ -125,8 +131,14 @@ def of_declared_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         for fault in other_views(facts)
         if fault.camera in names
     ]
+    inverted = [fault.camera for fault in inverted_mountings(facts)]
+    if names & set(inverted):
+        hypotheses.append(Hypothesis("frame_convention", "metadata", support("metadata.inverted_mounting")))
+    if subject in _WITH_PARALLAX and names and mountings_of_other_bodies(facts):
+        hypotheses.append(Hypothesis("frame_convention", "metadata", support("metadata.axes_of_another_body")))
     odd = odd_mounting(facts)
-    if odd is not None and odd.camera in names:
+    # An inverse explains the position as well.
+    if odd is not None and odd.camera in names and odd.camera not in inverted:
         of_odd = support("metadata.odd_mounting")
         hypotheses.append(Hypothesis("extrinsic_rotation", "metadata", of_odd, odd.magnitude, "deg"))
     # The first of the units is the commonest.
@@ -390,6 +402,75 @@ def is_chosen(camera: Camera, cause: str) -> bool:
 def _round(value: float, to: float) -> bool:
     # Relative to the value, but to one step at least: near 0 a relative tolerance would refuse rounding errors.
     return bool(abs(value / to - np.rint(value / to)) * to < _SAME * max(abs(value), to))
+
+
+def inverted_mountings(facts: Facts) -> tuple[InvertedMounting, ...]:
+    """Return the cameras that have the axes of all others once their mounting is inverted, and have not as declared.
+
+    Of two cameras either may be the inverse of the other: the one that looks farther from straight ahead is first.
+    """
+    cameras = {name: camera for name, camera in facts.declared.cameras.items() if _is_rotated(camera)}
+    inverted = [
+        name
+        for name, camera in cameras.items()
+        if (others := [other for other_name, other in cameras.items() if other_name != name])
+        and not any(_has_axes_of(camera, other) for other in others)
+        and all(_has_axes_of(_inverse(camera), other) for other in others)
+    ]
+    return tuple(InvertedMounting(name) for name in sorted(inverted, key=lambda name: -_from_straight(cameras[name])))
+
+
+def brings_centres_together(facts: Facts) -> bool:
+    """Whether the centres of depth and events are one point once an inverted mounting is inverted back."""
+    cameras = facts.declared.cameras
+    if not {"depth", "events"} <= cameras.keys():
+        return False
+    for fault in inverted_mountings(facts):
+        depth_m, events_m = (
+            (_inverse(cameras[name]) if name == fault.camera else cameras[name]).T_body_camera[:3, 3]
+            for name in ("depth", "events")
+        )
+        if np.abs(depth_m - events_m).max() <= CENTRES_AGREE_M:
+            return True
+    return False
+
+
+def mountings_of_other_bodies(facts: Facts) -> tuple[CameraAxes | InvertedMounting, ...]:
+    """Return the conventions by which all cameras may be declared; none where one looks about straight ahead, upright.
+
+    A body with Y to the right and Z down is the commonest other one. Another one is that of the exchanged and negated
+    axes in which a camera comes nearest to straight ahead. Inverted, mountings may come nearer, too. Cameras may look
+    down, so that none of these is likely before a trial.
+    """
+    cameras = [camera for camera in facts.declared.cameras.values() if _is_rotated(camera)]
+    nearest = [_nearest_axes(camera.T_body_camera[:3, :3] @ np.array(R_BODY_OPTICAL).T) for camera in cameras]
+    if not cameras or any(np.array_equal(axes, np.eye(3)) for axes in nearest):
+        return ()
+    bodies = dict.fromkeys((_FRD_FROM_FLU, *(_matrix(axes) for axes in nearest)))
+    inverses = (InvertedMounting(),) if all(_from_straight(_inverse(c)) < _from_straight(c) for c in cameras) else ()
+    return (*inverses, *(CameraAxes(_SAME_AXES, body_axes) for body_axes in bodies))
+
+
+def _inverse(camera: Camera) -> Camera:
+    return replace(camera, T_body_camera=np.linalg.inv(camera.T_body_camera).astype(np.float64))
+
+
+def _from_straight(camera: Camera) -> float:
+    """Return the angle of a camera from one that looks straight ahead, rad."""
+    R = np.array(R_BODY_OPTICAL).T @ camera.T_body_camera[:3, :3]
+    return float(Rotation.from_matrix(R).magnitude())
+
+
+def _nearest_axes(R: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rotation that only exchanges and negates axes and is nearest to another rotation."""
+    # The 24 rotations of a cube.
+    axes = Rotation.create_group("O").as_matrix()
+    return np.asarray(np.rint(axes[np.argmax(np.einsum("nij,ij->n", axes, R))]), dtype=np.float64)
+
+
+def _matrix(rows: NDArray[np.float64]) -> Matrix3:
+    first, second, third = ((float(x), float(y), float(z)) for x, y, z in rows + 0.0)
+    return first, second, third
 
 
 def odd_mounting(facts: Facts) -> MountingRotation | None:

@@ -8,7 +8,13 @@ from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint, Rect
 from fedora_qa.checks.metadata.complete import DeclarationDefect
 from fedora_qa.checks.metadata.units import UnitLabel
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.declared_cameras import resized_images, support_of_resizing, transposed, transposed_hypothesis
+from fedora_qa.diagnosis.declared_cameras import (
+    brings_centres_together,
+    resized_images,
+    support_of_resizing,
+    transposed,
+    transposed_hypothesis,
+)
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, over_all_rates, support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import is_flow_stream
@@ -78,13 +84,20 @@ def propose_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         case "T_body_camera_handedness":
             return (Hypothesis("frame_convention", "metadata", support("metadata.mirrors")),)
         case "depth_to_events_centre":
-            return (Hypothesis("lever_arm", "metadata", support("metadata.centres_apart"), statistic.value, "m"),)
+            return (_of_centres_apart(statistic, facts),)
         case "rectify_map" | "rectify_map_defined":
             return (_of_rectify_map(statistic),)
     is_known = bool(transposed(facts).magnitude)
     return (
         transposed_hypothesis(facts) if is_known else Hypothesis("unknown", "metadata", support("metadata.form_of_K")),
     )
+
+
+def _of_centres_apart(statistic: Statistic, facts: Facts) -> Hypothesis:
+    """Return a mounting that brings the centres of depth and events together once it is inverted; else a wrong arm."""
+    if brings_centres_together(facts):
+        return Hypothesis("frame_convention", "metadata", support("metadata.inverted_mounting"))
+    return Hypothesis("lever_arm", "metadata", support("metadata.centres_apart"), statistic.value, "m")
 
 
 def _of_rectify_map(statistic: Statistic) -> Hypothesis:

@@ -16,6 +16,7 @@ from fedora_qa.checks.integrity.finite import OutOfRange
 from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
 from fedora_qa.conventions import MS_PER_S, NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.clocks import is_right_elsewhere
+from fedora_qa.diagnosis.declared_cameras import inverted_mountings, mountings_of_other_bodies
 from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.flow import CAUSES_OF_TRANSFORM, fractions_of_px
@@ -253,7 +254,10 @@ def _other_axes(fit: FittedCause) -> Faults:
     if fit.family == "flow":
         yield from _axes_of_flow(fit)
     elif fit.stream == "metadata":
+        yield from inverted_mountings(fit.facts)
+        yield from mountings_of_other_bodies(fit.facts)
         yield axes.CameraAxes()
+        yield axes.InvertedMounting()
     else:
         yield from vector_axes(fit)
         # What the IMU states of the whole file leaves no other convention of attitudes.

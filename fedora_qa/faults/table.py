@@ -113,7 +113,7 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         ("frame_convention", "imu"): (axes.VectorAxes, gravity.SensorsInWorld),
         **_every("frame_convention", (axes.VectorAxes,), ("flow",)),
         ("frame_convention", "pose"): (axes.VectorAxes, motion.AngleOrder, motion.AngleSense),
-        ("frame_convention", "metadata"): (axes.CameraAxes,),
+        ("frame_convention", "metadata"): (axes.CameraAxes, axes.InvertedMounting),
         **_every("gravity_missing", (gravity.GravityError, gravity.GravityAlongBody)),
         **_every("gravity_sign", (gravity.GravityError, gravity.ForceSign)),
         ("gravity_magnitude", "imu"): (gravity.GravityError,),

@@ -76,6 +76,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         pixels.PixelShift: "Pixels that were shifted beyond the border are not stored; crop or render again.",
         axes.VectorAxes: _only_permuted,
         axes.CameraAxes: _MECHANICAL,
+        axes.InvertedMounting: _MECHANICAL,
         axes.RectificationAxes: "A map follows from the calibration: compute it again.",
         cameras.FocalLength: _only_declared,
         cameras.PrincipalPointShift: _only_declared,

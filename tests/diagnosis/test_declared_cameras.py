@@ -10,9 +10,13 @@ from scipy.spatial.transform import Rotation
 from fedora_qa.causes import CAUSES
 from fedora_qa.checks.metadata.cameras import PrincipalPoint
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.conventions import R_BODY_OPTICAL
+from fedora_qa.diagnosis.candidates import FITS
 from fedora_qa.diagnosis.declared_cameras import (
     centres_from_middle,
     film_focal_lengths,
+    inverted_mountings,
+    mountings_of_other_bodies,
     odd_mounting,
     of_declared_cameras,
     other_views,
@@ -21,6 +25,7 @@ from fedora_qa.diagnosis.declared_cameras import (
 )
 from fedora_qa.diagnosis.metadata import propose_cameras
 from fedora_qa.diagnosis.proposed_faults import faults_for
+from fedora_qa.faults.axes import InvertedMounting
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import Camera
@@ -79,6 +84,32 @@ def halved(camera: Camera) -> Camera:
     K = np.diag([0.5, 0.5, 1.0]) @ K
     K[:2, 2] -= 0.25
     return replace(camera, K=K)
+
+
+def on(R_body_camera: object) -> Callable[[Camera], Camera]:
+    """Cameras with these axes, 0.1 m ahead of the origin of the body."""
+
+    def change(camera: Camera) -> Camera:
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = np.asarray(R_body_camera), (0.1, 0.0, -0.03)
+        return replace(camera, T_body_camera=T)
+
+    return change
+
+
+def inverted(camera: Camera) -> Camera:
+    return replace(camera, T_body_camera=np.linalg.inv(camera.T_body_camera))
+
+
+def of_body(*body_axes: tuple[int, int, int]) -> Callable[[Camera], Camera]:
+    """Mountings on a body with other axes."""
+
+    def change(camera: Camera) -> Camera:
+        T = np.eye(4)
+        T[:3, :3] = body_axes
+        return replace(camera, T_body_camera=T @ camera.T_body_camera)
+
+    return change
 
 
 def from_the_middle(camera: Camera) -> Camera:
@@ -205,6 +236,66 @@ def test_a_principal_point_outside_of_the_image_is_that_of_another_size_first() 
     causes = [(h.cause, h.magnitude) for h in propose_cameras(outside, facts)]
     percent = 100 * (1440 / facts.declared.cameras["rgb"].width - 1)
     assert causes == [("intrinsics_focal", pytest.approx(percent)), ("intrinsics_centre", 900.0)]
+
+
+PITCHED = Rotation.from_euler("y", 20.0, degrees=True).as_matrix() @ np.array(R_BODY_OPTICAL)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_an_inverted_mounting_is_inverted_back(name: str) -> None:
+    """By the axes of the other cameras; a rotation that leaves it in its place is not proposed beside."""
+    correct = declared(facts_with_sizes(), on(R_BODY_OPTICAL), ALL)
+    facts = declared(correct, inverted, (name,))
+    assert inverted_mountings(correct) == ()
+    assert inverted_mountings(facts) == (InvertedMounting(name),)
+    (hypothesis,) = of_declared_cameras(alarm("alignment.depth.shift"), facts)
+    assert (hypothesis.cause, hypothesis.stream) == ("frame_convention", "metadata")
+    undone = next(faults_for("frame_convention", "metadata", None, (), {}, facts)).undo(facts, memory_sequence())
+    assert undone.declared is not None
+    assert are_alike(undone.declared.cameras, correct.declared.cameras)
+
+
+@pytest.mark.parametrize(("name", "cause"), [("events", "frame_convention"), ("rgb", "lever_arm")])
+def test_centres_that_an_inverse_brings_together_have_no_wrong_arm(name: str, cause: str) -> None:
+    """An inverted mounting of colour leaves depth and events where they are."""
+    facts = declared(declared(facts_with_sizes(), on(R_BODY_OPTICAL), ALL), inverted, (name,))
+    if name == "rgb":
+        facts = declared(facts, times(2.0), ("depth",))
+    (hypothesis,) = propose_cameras(alarm("metadata.cameras.depth_to_events_centre"), facts)
+    assert hypothesis.cause == cause
+
+
+@pytest.mark.parametrize("R_body_camera", [np.array(R_BODY_OPTICAL), PITCHED], ids=["straight", "pitched"])
+@pytest.mark.parametrize(
+    "change",
+    [
+        of_body((1, 0, 0), (0, -1, 0), (0, 0, -1)),
+        of_body((0, -1, 0), (1, 0, 0), (0, 0, 1)),
+        of_body((0, -1, 0), (0, 0, -1), (1, 0, 0)),
+        inverted,
+    ],
+    ids=["Z down", "Y ahead", "optical", "inverted"],
+)
+def test_mountings_on_another_body_are_put_back(R_body_camera: np.ndarray, change: Callable[[Camera], Camera]) -> None:
+    """One of the conventions that are tried first leads back to all cameras, and none is named without a trial."""
+    correct = declared(facts_with_sizes(), on(R_body_camera), ALL)
+    facts = declared(correct, change, ALL)
+    (hypothesis,) = of_declared_cameras(alarm("flow_geometry.endpoint.error"), facts)
+    assert hypothesis.cause == "frame_convention"
+    assert hypothesis.support < FITS
+    faults = list(faults_for("frame_convention", "metadata", None, (), {}, facts))[:3]
+    undone = [fault.undo(facts, memory_sequence()).declared for fault in faults]
+    assert any(each is not None and are_alike(each.cameras, correct.declared.cameras) for each in undone)
+
+
+def test_cameras_that_look_ahead_are_on_the_body() -> None:
+    """Whatever their pitch, as far as they look ahead rather than down; other checks have no poses."""
+    for R in (R_BODY_OPTICAL, PITCHED):
+        assert mountings_of_other_bodies(declared(facts_with_sizes(), on(R), ALL)) == ()
+    down = Rotation.from_euler("y", 90.0, degrees=True).as_matrix() @ np.array(R_BODY_OPTICAL)
+    facts = declared(facts_with_sizes(), on(down), ALL)
+    assert mountings_of_other_bodies(facts) != ()
+    assert of_declared_cameras(alarm("event_response.orientation.unrelated"), facts) == ()
 
 
 def large(camera: Camera) -> Camera:

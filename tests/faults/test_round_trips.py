@@ -10,7 +10,7 @@ from hypothesis import Phase, find, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.faults.axes import CameraAxes, RectificationAxes, VectorAxes
+from fedora_qa.faults.axes import CameraAxes, InvertedMounting, RectificationAxes, VectorAxes
 from fedora_qa.faults.cameras import (
     FilmFocalLength,
     FocalLength,
@@ -191,6 +191,8 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(VectorAxes, st.just("pose"), axes_of_plane, turns_orientations=st.just(False)), exact),
     (st.builds(VectorAxes, st.just("pose"), signed_permutations(), signed_permutations()), rounded),
     (st.just(CameraAxes()), exact),
+    (st.builds(CameraAxes, signed_permutations(), signed_permutations()), exact),
+    (st.builds(InvertedMounting, st.sampled_from([None, "rgb", "events"])), rounded),
     (st.builds(RectificationAxes, st.sampled_from(["coordinates", "pixels"])), exact),
     (st.builds(GravityError, st.sampled_from(["gravity_missing", "gravity_sign", "gravity_magnitude"]), unit), rounded),
     (st.builds(GravityMisdeclared, unit), rounded),

@@ -13,7 +13,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.faults.axes import CameraAxes, RectificationAxes, VectorAxes
+from fedora_qa.faults.axes import CameraAxes, InvertedMounting, RectificationAxes, VectorAxes
 from fedora_qa.faults.cameras import (
     FilmFocalLength,
     FocalLength,
@@ -525,6 +525,9 @@ def test_brightness_is_put_back(fault: ReversibleFault, planter: Planter, most: 
     assert np.abs(rows - clean.arrays["path/rgb"]).max() <= most
 
 
+SAME = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
 def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]]:
     """Cameras that are declared wrongly, written out, and what undoes it."""
     K, T = camera.K.copy(), camera.T_body_camera.copy()
@@ -543,6 +546,7 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
     rolled[:3, :3] = T[:3, :3] @ Rotation.from_euler("z", 5, degrees=True).as_matrix()
     forward[0, 3] += 0.2
     bare[:3, 3] = T[:3, 3]
+    z_down = np.diag([1.0, -1.0, -1.0, 1.0]) @ T
     return {
         "focal": (FocalLength("metadata", 10), replace(camera, K=longer)),
         "centre": (PrincipalPointShift("metadata", 2, -1), replace(camera, K=centre)),
@@ -558,10 +562,14 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
         "unit": (MountingUnit(1000.0), replace(camera, T_body_camera=far)),
         "lever": (MountingLeverArm((0.2, 0, 0)), replace(camera, T_body_camera=forward)),
         "axes": (CameraAxes(), replace(camera, T_body_camera=bare)),
+        "body": (CameraAxes(SAME, ((1, 0, 0), (0, -1, 0), (0, 0, -1))), replace(camera, T_body_camera=z_down)),
+        "inverse": (InvertedMounting(), replace(camera, T_body_camera=np.linalg.inv(T))),
     }
 
 
-@pytest.mark.parametrize("name", ["focal", "centre", "transposed", "rolled", "lever", "unit", "axes"])
+@pytest.mark.parametrize(
+    "name", ["focal", "centre", "transposed", "rolled", "lever", "unit", "axes", "body", "inverse"]
+)
 def test_declared_cameras_are_put_back(name: str) -> None:
     """All cameras are declared as in the clean sequence."""
     clean = memory_sequence()
