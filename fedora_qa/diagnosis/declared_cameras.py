@@ -202,6 +202,14 @@ def resized_images(facts: Facts) -> tuple[IntrinsicsOfSize, ...]:
             ratios
         ):
             continue
+        # Rows of K that were multiplied keep a principal point in the middle at this ratio of it.
+        multiplied = [float(2 * camera.K[i, 2] / (size - 1)) for i, size in enumerate((camera.width, camera.height))]
+        if abs(multiplied[0] - multiplied[1]) < _SAME * multiplied[0]:
+            width, height = multiplied[0] * camera.width, multiplied[0] * camera.height
+            faults.append(
+                IntrinsicsOfSize(name, round(width), round(height), 100 * (multiplied[0] - 1), about_corner=False)
+            )
+            continue
         ratio = sqrt(ratios[0] * ratios[1])
         common = min(_RESIZINGS, key=lambda each: abs(log(ratio / each)))
         # Designed: (width - 1) / 2, or width / 2, which is half a pixel beside it.

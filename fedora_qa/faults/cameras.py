@@ -178,12 +178,16 @@ class IntrinsicsOfSize:
         middles of both images coincide.
     percent
         Excess of the focal length.
+    about_corner
+        Whether K was scaled about the corner of the image. If not, its rows were multiplied, which scales it about the
+        middle of the first pixel, by the ratio that ``percent`` states.
     """
 
     camera: str
     width: int
     height: int
     percent: float
+    about_corner: bool = True
     cause: ClassVar[str] = "intrinsics_focal"
     stream: ClassVar[str] = "metadata"
 
@@ -207,6 +211,9 @@ class IntrinsicsOfSize:
 
     def changed(self, camera: Camera, *, forward: bool) -> Camera:
         """Return the camera with K of the other size, or with K of its own size in place of that."""
+        if not self.about_corner:
+            ratio = (1 + self.percent / 100) ** (1 if forward else -1)
+            return replace(camera, K=np.diag([ratio, ratio, 1.0]) @ camera.K)
         own, other = _of_size(camera.width, camera.height), _of_size(self.width, self.height)
         # K of an image = (pixels of the image from its middle, in widths) x (a K that no size enters).
         to, of = (other, own) if forward else (own, other)

@@ -86,6 +86,11 @@ def halved(camera: Camera) -> Camera:
     return replace(camera, K=K)
 
 
+def with_multiplied_rows(camera: Camera) -> Camera:
+    """K of an image of half the size, without a thought of where its first pixel lies."""
+    return replace(camera, K=np.diag([0.5, 0.5, 1.0]) @ camera.K)
+
+
 def on(R_body_camera: object) -> Callable[[Camera], Camera]:
     """Cameras with these axes, 0.1 m ahead of the origin of the body."""
 
@@ -152,6 +157,8 @@ CASES = [
     ("event_response.orientation.unrelated", of_twice_the_size, ("events",), "intrinsics_focal"),
     ("flow_geometry.endpoint.error", of_an_image_of(1440, 1080), ALL, "intrinsics_focal"),
     ("event_response.conservation.pixels", of_an_image_of(1440, 1080), ("rgb",), "intrinsics_focal"),
+    ("flow_geometry.endpoint.error", with_multiplied_rows, ALL, "intrinsics_focal"),
+    ("event_response.alignment.scale", with_multiplied_rows, ("rgb",), "intrinsics_focal"),
     ("event_response.timing.offset", from_the_middle, ("rgb",), "intrinsics_centre"),
     ("depth.scale.factor", from_the_middle, ALL, "intrinsics_centre"),
     ("flow_geometry.endpoint.error", rows_upwards, ALL, "intrinsics_focal"),

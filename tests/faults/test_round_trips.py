@@ -171,6 +171,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.just(TransposedIntrinsics()), exact),
     (st.builds(FilmFocalLength, st.sampled_from([36.0, 23.76]), st.just(("rgb", "events")), st.just(0.0)), rounded),
     (st.builds(IntrinsicsOfSize, st.just("events"), st.integers(20, 900), st.integers(20, 900), st.just(0.0)), rounded),
+    (st.builds(IntrinsicsOfSize, st.just("rgb"), st.just(9), st.just(9), st.floats(-50, 90), st.just(False)), rounded),
     (st.builds(IntrinsicsOfSizes, st.tuples(
         st.builds(IntrinsicsOfSize, st.just("events"), st.integers(20, 900), st.integers(20, 900), st.just(0.0)),
         st.builds(IntrinsicsOfSize, st.just("rgb"), st.integers(20, 900), st.integers(20, 900), st.just(9.0)),

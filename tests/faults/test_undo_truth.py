@@ -553,6 +553,10 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
         "rolled": (MountingRotation("metadata", (0, 0, 5)), replace(camera, T_body_camera=rolled)),
         "transposed": (TransposedIntrinsics(), replace(camera, K=K.T)),
         "size": (IntrinsicsOfSize("depth", 2 * camera.width, 2 * camera.height, 100.0), replace(camera, K=twice)),
+        "multiplied": (
+            IntrinsicsOfSize("depth", 2 * camera.width, 2 * camera.height, 100.0, about_corner=False),
+            replace(camera, K=np.diag([2.0, 2.0, 1.0]) @ K),
+        ),
         "sizes": (
             IntrinsicsOfSizes((IntrinsicsOfSize("depth", 2 * camera.width, 2 * camera.height, 100.0),)),
             replace(camera, K=twice),
@@ -582,7 +586,7 @@ def test_declared_cameras_are_put_back(name: str) -> None:
         np.testing.assert_allclose(undone.cameras[key].T_body_camera, camera.T_body_camera, atol=1e-13)
 
 
-@pytest.mark.parametrize("name", ["focal", "size", "sizes", "middle", "film"])
+@pytest.mark.parametrize("name", ["focal", "size", "multiplied", "sizes", "middle", "film"])
 def test_one_declared_camera_is_put_back(name: str) -> None:
     """A fault of the depth camera alone leaves the others as they are."""
     clean = memory_sequence()
