@@ -13,8 +13,8 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
 from fedora_qa.checks.integrity.finite import OutOfRange
-from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
 from fedora_qa.conventions import MS_PER_S, NS_PER_MS, NS_PER_US
+from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
 from fedora_qa.diagnosis.clocks import is_right_elsewhere
 from fedora_qa.diagnosis.declared_cameras import inverted_mountings, mountings_of_other_bodies
 from fedora_qa.diagnosis.depth import frames_between
