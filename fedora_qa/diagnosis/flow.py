@@ -72,6 +72,9 @@ CAUSES_OF_TWO_TRANSFORMS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyTyp
 _SUPPORT_OF_TRANSFORM: Final = MappingProxyType({"triangulated_depth": support("flow.triangulated_depth")})
 """Factor on the removed share; 1 for transforms without a row."""
 
+_APART: Final = frozenset({*FLOW_AXES, "times_milliseconds"})
+"""Transforms of which another one of the same cause removes little."""
+
 _UNSIGNED: Final = ("swapped_frames",)
 """Causes whose size is a distance without a sign."""
 
@@ -181,8 +184,7 @@ def convention_hypotheses(
         if trial.rate == rate:
             together = CAUSES_OF_TWO_TRANSFORMS.get(trial.transform)
             for cause in together or CAUSES_OF_TRANSFORM.get(trial.transform, (trial.transform,)):
-                # Of a signed permutation another one removes little.
-                alone = together or trial.transform in FLOW_AXES
+                alone = together or trial.transform in _APART
                 by_transform.setdefault((cause, trial.stream, trial.transform if alone else ""), []).append(trial)
     hypotheses: dict[tuple[str, str], Hypothesis] = {}
     for (cause, stream, _), group in by_transform.items():
