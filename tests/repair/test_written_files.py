@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 from fedora_generator.faults.plant import plant_fault
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
-from fedora_qa.faults.cameras import MountingUnit, TransposedIntrinsics
+from fedora_qa.faults.axes import InvertedMounting
+from fedora_qa.faults.cameras import MountingUnit, PrincipalPointFromMiddle, TransposedIntrinsics
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import NoiseMisdeclared
 from fedora_qa.faults.fault import ReversibleFault
@@ -107,7 +108,7 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     # Tests of their own: below, and in ``test_repair``.
     beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared, PoseInversion, MountingUnit,
               AngleOrder, AngleSense, ForceSign, GravityAlongBody,
-              TransposedIntrinsics}  # fmt: skip
+              TransposedIntrinsics, PrincipalPointFromMiddle, InvertedMounting}  # fmt: skip
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
     assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside
 
@@ -213,16 +214,31 @@ def test_the_transfer_curve_is_declared(clean: Path, tmp_path: Path) -> None:
 
 
 def test_matrices_of_cameras_are_declared(clean: Path, tmp_path: Path) -> None:
-    """K is transposed back, and positions on the body are in metres again."""
-    for fault, attribute in ((TransposedIntrinsics(), "K"), (MountingUnit(1000.0), "T_body_camera")):
+    """K is transposed back or has its centre, and mountings are in metres or inverted back."""
+
+    def moved(K: np.ndarray, camera: h5py.Group) -> np.ndarray:
+        K[:2, 2] -= (camera.attrs["width"] - 1) / 2, (camera.attrs["height"] - 1) / 2
+        return K
+
+    def in_mm(T: np.ndarray, _: h5py.Group) -> np.ndarray:
+        T[:3, 3] *= 1000.0
+        return T
+
+    def names(path: Path) -> tuple[str, ...]:
+        with h5py.File(path) as file:
+            return tuple(file["metadata/cameras"])
+
+    for fault, attribute, change in (
+        (TransposedIntrinsics(), "K", lambda K, _: np.ascontiguousarray(K.T)),
+        (PrincipalPointFromMiddle(names(clean)), "K", moved),
+        (MountingUnit(1000.0), "T_body_camera", in_mm),
+        (InvertedMounting(), "T_body_camera", lambda T, _: np.linalg.inv(T)),
+    ):
         faulty = tmp_path / "faulty.h5"
         faulty.write_bytes(clean.read_bytes())
         with h5py.File(faulty, "r+") as file:
             for camera in file["metadata/cameras"].values():
-                matrix = np.array(camera.attrs[attribute])
-                if attribute == "T_body_camera":
-                    matrix[:3, 3] *= 1000.0
-                camera.attrs[attribute] = matrix if attribute == "T_body_camera" else np.ascontiguousarray(matrix.T)
+                camera.attrs[attribute] = change(np.array(camera.attrs[attribute]), camera)
         assert not repaired(faulty, fault).refusal
         require_equal(tmp_path / "repaired.h5", clean)
         (tmp_path / "repaired.h5").unlink()
