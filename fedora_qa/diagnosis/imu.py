@@ -309,6 +309,9 @@ def convention_hypotheses(kind: MotionKind, convention: InertialConvention) -> t
         hypotheses.append(Hypothesis("quaternion_order", "pose", strength))
     if "inverse" in convention.quaternions:
         hypotheses.append(Hypothesis("quaternion_inverted", "pose", strength))
+    if kind == "rotation" and convention.axes_of_sensor_alone is not None:
+        # Near an attitude of no rotation, an inverse or an angle of the other sign turns as other axes of the gyro do.
+        hypotheses.append(Hypothesis(axes_cause(convention.axes_of_sensor_alone), "imu", strength))
     if convention.rate_unit != 1.0:
         hypotheses.append(Hypothesis("unit_deg_rad", "imu", strength, convention.rate_unit, "1"))
     if convention.length_unit != 1.0:

@@ -15,14 +15,14 @@ from fedora_qa.diagnosis.imu import HALF_TURN
 from fedora_qa.diagnosis.measured_sizes import vector
 from fedora_qa.estimators.imu.conventions import GravityConvention, InertialConvention, signed_permutations
 from fedora_qa.faults import axes, declarations, gravity, motion, units
-from fedora_qa.faults.fault import Matrix3, RowRange, Vector3
+from fedora_qa.faults.fault import Matrix3, RowRange, Sensor, Vector3
 from fedora_qa.geometry import so3
 from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 from fedora_qa.views.sample_defects import LoneSamples, NoiseAtTimes
 
 SAME_AXES: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
-_SENSORS: Final[Mapping[MotionKind, gravity.Sensor]] = {"rotation": "gyro", "translation": "accelerometer"}
+_SENSORS: Final[Mapping[MotionKind, Sensor]] = {"rotation": "gyro", "translation": "accelerometer"}
 """The sensor that is compared with poses, by the kind of the comparison."""
 
 
@@ -30,9 +30,9 @@ def vector_axes(fit: FittedCause) -> Faults:
     """Yield axes of poses or of the IMU under which both agree."""
     cause: Any = fit.cause
     of_vertical = [feature.convention for feature, _ in inertial_conventions(fit) if feature.kind == "translation"]
-    in_world = [each.kind for each, _ in inertial_conventions(fit) if each.convention.sensor_frame == "world"]
-    if fit.stream == "imu" and in_world:
-        yield gravity.SensorsInWorld(tuple(_SENSORS[kind] for kind in in_world))
+    if fit.stream == "imu" and any(convention.sensor_frame == "world" for convention in of_vertical):
+        yield gravity.SensorsInWorld(("gyro", "accelerometer"))
+        yield gravity.SensorsInWorld(("accelerometer",))
     for feature, rows in inertial_conventions(fit):
         convention = feature.convention
         if convention.sensor_frame == "world":
@@ -41,11 +41,18 @@ def vector_axes(fit: FittedCause) -> Faults:
             # Rates state neither the handedness of the axes nor the vertical, which specific forces have stated.
             continue
         sensor, world = _matrix(convention.sensor_axes), _matrix(convention.world_axes)
+        if fit.stream == "imu":
+            alone = convention.axes_of_sensor_alone
+            of_sensor = sensor if alone is None else _matrix(alone)
+            if of_sensor == SAME_AXES:
+                continue
+            yield axes.VectorAxes(fit.stream, of_sensor, cause=cause, rows=rows)
+            # The other sensor may have the axes of the body.
+            yield axes.VectorAxes(fit.stream, of_sensor, cause=cause, rows=rows, sensors=(_SENSORS[feature.kind],))
+            continue
         if any(sign < 0 for sign in convention.angle_signs):
             if fit.stream == "pose":
                 yield motion.AngleSense(convention.angle_signs, world)
-        elif fit.stream == "imu":
-            yield axes.VectorAxes(fit.stream, sensor, cause=cause, rows=rows)
         else:
             # The IMU measures P v for v in the body of the poses: R' = R P, so that the axes of the body are P^T.
             body = _matrix(tuple(zip(*sensor, strict=True)))

@@ -7,7 +7,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fedora_qa.conventions import R_BODY_OPTICAL
-from fedora_qa.faults.fault import Fault, InapplicableError, Matrix3, RowRange, in_rows, value_keys
+from fedora_qa.faults.fault import (
+    KEYS_OF_SENSORS,
+    Fault,
+    InapplicableError,
+    Matrix3,
+    RowRange,
+    Sensor,
+    in_rows,
+    streams_in,
+    value_keys,
+)
 from fedora_qa.geometry import so3
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
@@ -37,6 +47,8 @@ class VectorAxes:
         ``frame_convention`` or ``axes_swapped``.
     rows
         The rows in the other axes; None: all.
+    sensors
+        Of ``imu``: whose vectors are in the other axes.
     """
 
     stream: str
@@ -45,6 +57,7 @@ class VectorAxes:
     turns_orientations: bool = True
     cause: Literal["frame_convention", "axes_swapped"] = "frame_convention"
     rows: RowRange | None = None
+    sensors: tuple[Sensor, ...] = ("gyro", "accelerometer")
     magnitude: ClassVar[None] = None
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
@@ -62,6 +75,9 @@ class VectorAxes:
         if self.stream not in ("imu", "pose"):
             axes = axes[:2, :2]
         turn = in_rows(lambda vectors: _times_vectors(axes.T if inverted else axes, vectors), self.rows)
+        if self.stream == "imu":
+            streams_in(facts, self.stream)
+            return Fault(description, {KEYS_OF_SENSORS[sensor]: turn for sensor in self.sensors})
         if self.stream != "pose":
             return Fault(description, dict.fromkeys(keys, turn))
         if not self.turns_orientations:

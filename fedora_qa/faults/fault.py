@@ -6,7 +6,8 @@ A fault that can be undone is data with a size, and alters the rows of a sequenc
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import hypot
-from typing import Any, Final, Protocol
+from types import MappingProxyType
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,6 +160,13 @@ class FaultySequence:
     def chunk_rows(self, key: str) -> int:
         """Return the number of rows of a dataset that are stored together."""
         return self._sequence.chunk_rows(key)
+
+
+Sensor = Literal["gyro", "accelerometer"]
+KEYS_OF_SENSORS: Final[Mapping[Sensor, str]] = MappingProxyType(
+    {"gyro": "path/imu/angular_velocity", "accelerometer": "path/imu/linear_acceleration"}
+)
+"""Dataset of the vectors of a sensor of the IMU."""
 
 
 class InapplicableError(Exception):

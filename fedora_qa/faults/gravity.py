@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.faults.fault import Fault, InapplicableError, Read, RowRange, streams_in, values
+from fedora_qa.faults.fault import KEYS_OF_SENSORS, Fault, InapplicableError, Read, RowRange, Sensor, streams_in, values
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.motion import STENCIL, interpolate_poses
 from fedora_qa.sequence.facts import Facts
@@ -16,10 +16,8 @@ from fedora_qa.sequence.sequence import SequenceRows
 Float64 = NDArray[np.float64]
 
 _ACCEL, _ORIENTATION = "path/imu/linear_acceleration", "path/pose/orientation"
-_KEYS: Final = {"gyro": "path/imu/angular_velocity", "accelerometer": _ACCEL}
 _UP: Final = np.array([0.0, 0.0, 1.0])
 
-Sensor = Literal["gyro", "accelerometer"]
 Attitudes = Callable[[int, int], Float64]
 """From rows of the IMU, first and behind the last, to ``R_world_body`` (n, 3, 3) at their times."""
 
@@ -151,7 +149,7 @@ class SensorsInWorld:
         def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
             return np.asarray(np.einsum(product, attitudes(start, stop), read(start, stop)))
 
-        return Fault(description, {_KEYS[sensor]: alter for sensor in self.sensors})
+        return Fault(description, {KEYS_OF_SENSORS[sensor]: alter for sensor in self.sensors})
 
 
 def _lifted(facts: Facts, sequence: SequenceRows, description: str, upward_m_s2: float, rows: RowRange | None) -> Fault:

@@ -396,8 +396,9 @@ def test_a_convention_of_a_part_is_undone_in_its_place() -> None:
     rows = tuple(np.searchsorted(facts.clocks["imu"].times_ns, [50 * NS_PER_MS, 150 * NS_PER_MS]).tolist())
     local, whole = faults_for("unit_deg_rad", "imu", 57.3, (of_part,), {}, facts)
     assert (local, whole) == (AngleUnit(57.3, rows), AngleUnit(57.3))
-    (turned,) = faults_for("axes_swapped", "imu", None, (of_part,), {}, facts)
+    turned, of_gyro = faults_for("axes_swapped", "imu", None, (of_part,), {}, facts)
     assert isinstance(turned, VectorAxes)
+    assert of_gyro == replace(turned, sensors=("gyro",))
     assert turned.rows == rows
     assert [is_of_part(fault) for fault in (local, whole, turned)] == [True, False, True]
 

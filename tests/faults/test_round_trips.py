@@ -122,6 +122,7 @@ axes_of_plane = st.sampled_from([
     ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
 ])  # fmt: skip
 
+sensors = st.sampled_from([("gyro",), ("accelerometer",), ("gyro", "accelerometer")])
 signs = st.sampled_from([1, -1])
 quarter_turns = st.sampled_from([
     ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
@@ -185,9 +186,9 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(AngleSense, st.tuples(signs, signs, signs), quarter_turns), rounded),
     (st.just(ForceSign()), exact),
     (st.just(GravityAlongBody()), rounded),
-    (st.builds(SensorsInWorld, st.sampled_from([("gyro",), ("accelerometer",), ("gyro", "accelerometer")])), rounded),
+    (st.builds(SensorsInWorld, sensors), rounded),
     (st.builds(QuaternionLength, st.floats(-0.5, 0.9)), rounded),
-    (st.builds(VectorAxes, st.just("imu"), signed_permutations()), exact),
+    (st.builds(VectorAxes, st.just("imu"), signed_permutations(), sensors=sensors), exact),
     (st.builds(VectorAxes, flows, axes_of_plane), exact),
     (st.builds(VectorAxes, st.just("pose"), axes_of_plane, turns_orientations=st.just(False)), exact),
     (st.builds(VectorAxes, st.just("pose"), signed_permutations(), signed_permutations()), rounded),

@@ -275,6 +275,8 @@ EXACT: list[Truth] = [
     (ChannelOrder("GBR"), on(lambda frames: np.stack([frames[..., i] for i in (1, 2, 0)], -1), "path/rgb")),
     (InvalidCode("depth"), on(lambda depth: np.nan_to_num(depth, nan=0.0), "path/depth")),
     (InvalidCode("flow"), on(lambda flow: np.nan_to_num(flow, nan=0.0), *FLOW_KEYS)),
+    (VectorAxes("imu", ((0, 1, 0), (1, 0, 0), (0, 0, 1)), sensors=("gyro",)),
+     on(lambda v: np.column_stack([v[:, 1], v[:, 0], v[:, 2]]), GYRO)),
     (VectorAxes("imu", ((1, 0, 0), (0, -1, 0), (0, 0, -1))),
      on(lambda v: np.column_stack([v[:, 0], -v[:, 1], -v[:, 2]]), GYRO, ACCEL)),
     (VectorAxes("imu", ((0, 1, 0), (0, 0, 1), (1, 0, 0))), on(lambda v: v[:, [1, 2, 0]], GYRO, ACCEL)),

@@ -107,7 +107,10 @@ class InertialConvention:
         Signs of the stored yaw, pitch and roll, of ``R = R_z(yaw) R_y(pitch) R_x(roll)``: -1 for an angle that is
         counted the other way.
     sensor_frame
-        Frame in which the vectors of the sensor are written.
+        Frame in which the vectors of the sensor are written. Only specific forces state it: they have the vertical.
+    axes_of_sensor_alone
+        Axes of the sensor under which attitudes as they are stored fit as well; None where they do not, or where this
+        convention has them.
     """
 
     quaternions: QuaternionConvention = "xyzw"
@@ -122,6 +125,7 @@ class InertialConvention:
     up: WorldAxis = _UP
     angle_signs: AngleSigns = _AS_DECLARED
     sensor_frame: SensorFrame = "body"
+    axes_of_sensor_alone: Axes | None = None
 
     @property
     def component_order(self) -> tuple[int, int, int, int] | None:
@@ -220,9 +224,6 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvent
         exchanges: list[Axes] = [_AXES] if quaternions in _RARE_ORDERS else [*signed_permutations()]
         if (quaternions, angle_signs) == ("xyzw", _AS_DECLARED):
             exchanges.extend(_turn(by_pose, by_gyro, variance))
-            in_world = np.einsum("nij,nj->ni", so3.matrices_from_quaternions(q[:-1]), by_pose)
-            residual = _mean_square(by_gyro - in_world) / variance
-            candidates.append(InertialConvention(residual=residual, count=len(by_pose), sensor_frame="world"))
         for axes in exchanges:
             turned = by_pose @ np.array(axes).T
             for unit in _RATE_UNITS:
@@ -447,6 +448,11 @@ def _simplest(candidates: list[InertialConvention]) -> InertialConvention | None
         return None
     fitting = [candidate for candidate in candidates if candidate.residual <= _EQUIVALENT_RATIO * max(least, 1.0)]
     simplest = min(fitting, key=lambda candidate: (candidate.complexity, candidate.residual))
+    if (simplest.quaternions, simplest.angle_signs) != ("xyzw", _AS_DECLARED):
+        # A sensor with other axes, whose other properties are declared.
+        of_sensor = [each for each in fitting if replace(each, sensor_axes=_AXES).complexity == 0.0]
+        alone = min(of_sensor, key=lambda candidate: (candidate.complexity, candidate.residual), default=None)
+        simplest = replace(simplest, axes_of_sensor_alone=None if alone is None else alone.sensor_axes)
     declared = next(candidate.residual for candidate in candidates if candidate.complexity == 0.0)
     return replace(simplest, declared_residual=declared)
 

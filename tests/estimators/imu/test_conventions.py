@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from fedora_qa.diagnosis.imu import convention_hypotheses
 from fedora_qa.estimators.imu.conventions import (
     InertialConvention,
     _turn,
@@ -309,19 +310,37 @@ def test_vectors_in_the_world_and_an_upside_down_world_are_recognised(noise: Ine
     """A body that flies upside down in its world has a world that points down, not a sensor with another sign."""
     sigma_m, samples = NOISY.position_sigma_m if noise else 1e-9, sample_motion(noise=noise)
     attitudes = RotationSpline(samples.pose_times_s, Rotation.from_quat(samples.orientations_xyzw))(samples.imu_times_s)
-    rates_in_world = replace(
-        samples, angular_velocities_body_rad_s=attitudes.apply(samples.angular_velocities_body_rad_s)
-    )
     forces_in_world = replace(samples, specific_forces_body_m_s2=attitudes.apply(samples.specific_forces_body_m_s2))
-    by_rates = explain_rates(rates_in_world, NOISY.rotation_sigma_rad if noise else 1e-9)
-    assert by_rates is not None
-    assert by_rates.sensor_frame == "world"
     by_forces = explain_forces(forces_in_world, GRAVITY_M_S2, sigma_m)
     assert by_forces is not None
     assert (by_forces.sensor_frame, by_forces.gravity) == ("world", "declared")
     ned_world = explain_forces(turned_world(samples, NED_ENU), GRAVITY_M_S2, sigma_m)
     assert ned_world is not None
     assert (ned_world.up, ned_world.gravity) == ((0, 0, -1), "declared")
+
+
+def test_attitudes_near_none_leave_the_axes_of_the_sensor() -> None:
+    """The inverse of an attitude without rotation turns as a sensor does whose axes are reversed."""
+    pose_s, imu_s = np.arange(0, 1, 0.005), np.arange(0, 1, 0.001)
+    frequencies = np.array([3.0, 2.0, 5.0])
+    # Angles within 0.02 rad, of which angular velocities are the derivatives to 2%.
+    attitudes = Rotation.from_rotvec(0.02 * np.sin(frequencies * pose_s[:, None]))
+    velocities = 0.02 * frequencies * np.cos(frequencies * imu_s[:, None])
+    reversed_gyro = replace(
+        sample_motion(),
+        imu_times_s=imu_s,
+        angular_velocities_body_rad_s=-velocities,
+        specific_forces_body_m_s2=np.zeros_like(velocities),
+        pose_times_s=pose_s,
+        orientations_xyzw=attitudes.as_quat(),
+        positions_world_m=np.zeros((len(pose_s), 3)),
+    )
+    convention = explain_rates(reversed_gyro, 1e-4)
+    assert convention is not None
+    assert convention.quaternions == "inverse"
+    assert convention.axes_of_sensor_alone == ((-1, 0, 0), (0, -1, 0), (0, 0, -1))
+    causes = [(h.cause, h.stream) for h in convention_hypotheses("rotation", convention)]
+    assert causes == [("quaternion_inverted", "pose"), ("frame_convention", "imu")]
 
 
 @pytest.mark.parametrize("unit", [1e3, 30.0 / np.pi, 0.5 / np.pi], ids=["mrad/s", "turns a minute", "turns a second"])
