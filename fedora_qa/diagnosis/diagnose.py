@@ -262,8 +262,8 @@ def _size_by_trial(cause: str, fitted: float | None, fault: ReversibleFault) -> 
     if cause == "flow_unit" and of_fault is not None and abs(of_fault) > 1.0:
         # Fractions of a pixel: the number of them is exact.
         return of_fault
-    if getattr(fault, "v_percent", None) is not None:
-        # The fitted size is that of one factor.
+    if getattr(fault, "v_percent", None) is not None or cause == "unit_mm_m":
+        # The fitted size is that of one factor, or of one field.
         return of_fault
     is_of_another_step = cause == "time_offset" and of_fault is not None and not isclose(of_fault, fitted)
     # Shifts beyond the reach of a fit saturate, and one along one axis is no length.

@@ -338,8 +338,11 @@ def _thresholds(fit: FittedCause) -> Faults:
 
 def _length_unit(fit: FittedCause) -> Faults:
     if fit.stream in ("depth", "pose") and not is_length_unit(fit.size):
-        # No unit: a scale, which is one of all lengths.
-        yield units.LengthUnit("depth" if fit.stream == "depth" else "pose", fit.size)
+        # No unit: a scale, which is one of all lengths. All pairs of frames measure it better than one field of flow.
+        scale = measured(fit.results.get("depth.scale"), "scale")
+        is_scaled = fit.stream == "depth" and scale is not None and scale.exceeds_limit and (scale.value or 0.0) > 0
+        size = scale.value if is_scaled and scale is not None and scale.value else fit.size
+        yield units.LengthUnit("depth" if fit.stream == "depth" else "pose", size)
     elif fit.stream in ("depth", "pose"):
         for feature in (feature for alarm in fit.alarms for feature in alarm.statistic.features):
             if fit.stream == "depth" and isinstance(feature, OutOfRange) and feature.rescaled_rows is not None:

@@ -1,7 +1,8 @@
 """Proposed faults are undone, and only what clears the findings is confirmed."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.catalogue import hypotheses_of
+from fedora_qa.checks.protocol import Check
 from fedora_qa.diagnosis.candidates import CauseCandidate
 from fedora_qa.diagnosis.conclusion import UndoTrial
 from fedora_qa.diagnosis.diagnose import rank_candidates
@@ -30,7 +32,8 @@ from fedora_qa.engine.trials.views import SequenceViews
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.pixels import Mirroring
-from fedora_qa.judgement.judge import judge
+from fedora_qa.faults.units import LengthUnit
+from fedora_qa.judgement.judge import Alarm, judge
 from fedora_qa.record.wording import status_sentence
 from tests.support.all_checks import CHECKS
 from tests.support.planters import TIMES, bias_gyro, delay_events, flip_polarity, planted
@@ -164,34 +167,53 @@ def test_a_second_fit_keeps_to_the_grid_of_clocks() -> None:
         assert [fault.magnitude for fault in bench.undone] == pytest.approx(sizes_ms)
 
 
+@contextmanager
+def plain_run(path: Path) -> Iterator[tuple[PlainRun, list[Alarm], Sequence[Check[Any]]]]:
+    """Yield the run of a file before any trial, its alarms, and the checks whose question can be asked of it."""
+    survey = survey_of(path, CHECKS, OPTIONS, quiet)
+    assert isinstance(survey, Survey)
+    with opened(survey) as file:
+        states = measure_open(survey, file, survey.windows, quiet)
+        observations = conclude(file.asked, states, file.ready.facts)
+        judged = judge(observations, file.asked, OPTIONS.false_alarm_rate)
+        strict = {each.result.check: each.result for each in judged}
+        views = SequenceViews.of(file.sequence, file.ready)
+        ready = views.prepared(file.sequence, file.ready, frozenset())
+        run = PlainRun(file.sequence, ready, observations, strict, OPTIONS.effort, OPTIONS.false_alarm_rate, views)
+        yield run, [alarm for each in judged for alarm in each.alarms], file.asked
+
+
+def test_poses_and_imu_contradict_a_fault_by_the_whole_file(small_park_day: Path, tmp_path: Path) -> None:
+    """Flow and depth of one window agree with positions a thousandth as large, as the way then moves nothing."""
+
+    def nearer(file: h5py.File) -> None:
+        file["path/depth"][...] *= 0.01
+
+    with plain_run(planted(small_park_day, tmp_path / "faulty.h5", nearer)) as (run, alarms, asked):
+        bench = TrialBench.of(alarms, asked, run)
+        before = bench.work.left
+        trial = bench.undo(LengthUnit("pose", 1000.0))
+        assert trial is not None
+        assert any(code.startswith("imu.translation.") for code in trial.caused)
+        assert not trial.succeeds
+        assert bench.work.left < before
+
+
 def test_work_is_bounded_by_the_run_itself(small_park_day: Path, tmp_path: Path) -> None:
     """Windows times checks of all trials are at most those that the run measured."""
     target = tmp_path / "faulty.h5"
     shutil.copyfile(small_park_day, target)
     with h5py.File(target, "r+") as file:
         delay_events(file)
-    survey = survey_of(target, CHECKS, OPTIONS, quiet)
-    assert isinstance(survey, Survey)
-    with opened(survey) as file:
-        states = measure_open(survey, file, survey.windows, quiet)
-        facts = file.ready.facts
-        observations = conclude(file.asked, states, facts)
-        judged = judge(observations, file.asked, OPTIONS.false_alarm_rate)
-        strict = {each.result.check: each.result for each in judged}
-        alarms = [alarm for each in judged for alarm in each.alarms]
-        views = SequenceViews.of(file.sequence, file.ready)
-        ready = views.prepared(file.sequence, file.ready, frozenset())
-        run = PlainRun(
-            file.sequence, ready, observations, strict, OPTIONS.effort, OPTIONS.false_alarm_rate, views
-        )  # fmt: skip
-        bench = TrialBench.of(alarms, file.asked, run)
+    with plain_run(target) as (run, alarms, asked):
+        bench, facts, strict = TrialBench.of(alarms, asked, run), run.ready.facts, run.strict
         hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
         places = places_of_clocks(facts)
         trials = run_trials(bench, rank_candidates(alarms, hypotheses, strict, places), places, quiet)
         assert trials["time_offset", "events"].succeeds
-        assert 0 <= bench.work.left < len(file.chosen) * len(file.asked)
+        assert 0 <= bench.work.left < len(run.planned(run.ready)) * len(asked)
         # The opposite of the fault clears nothing.
-        worse = TrialBench.of(alarms, file.asked, run).undo(ClockShift("events", -3_000_000.0))
+        worse = TrialBench.of(alarms, asked, run).undo(ClockShift("events", -3_000_000.0))
         assert worse is not None
         assert not worse.cleared
         assert min(worse.left.values()) > 1.5

@@ -48,6 +48,9 @@ _FAR: Final = 2.0
 """Ratio of a deviation to its limit from which other comparisons do not decide. For twice as many standard errors at a
 false-alarm rate of 1e-3 there would have to be 1e13 comparisons in place of a hundred."""
 
+_OF_SAMPLES: Final = frozenset({"imu", "pose"})
+"""Streams of which every window is read in little time."""
+
 _SHARE_OF_A_FAULT: Final = 0.5
 """Most of the work that is left which further windows of one fault may take."""
 
@@ -143,7 +146,23 @@ class TrialBench:
                 break
         if trial is not None and inner is not None and trial.reduces:
             self.windows[fault] = len(inner.spans)
-        return trial
+        return None if trial is None else self._in_all_windows(trial, affected, prepared)
+
+    def _in_all_windows(self, trial: UndoTrial, affected: Sequence[Check[Any]], prepared: Prepared) -> UndoTrial:
+        """Return a trial with what it brings about between IMU and poses in the whole file.
+
+        Few windows hold few samples, of which noise hides what the whole contradicts.
+        """
+        planned = self.run.planned(prepared)
+        of_samples = [check for check in affected if {*check.needs, *check.looks_at} <= _OF_SAMPLES]
+        work = len(planned) * len(of_samples)
+        if not trial.succeeds or trial.windows >= len(planned) or not of_samples or work > self.work.left:
+            return trial
+        self.work.take(work)
+        judged = _by_check(self.run.judged(of_samples, planned, prepared).judged)
+        exceeded = {_rule(m) for result in self.run.strict.values() for m in _exceeding(result)}
+        caused = {_rule(m) for result in judged.values() for m in _exceeding(result)} - exceeded
+        return replace(trial, caused=tuple(sorted({code for code, _ in caused})))
 
     def without(self, fault: ReversibleFault, materiality: Materiality) -> "TrialBench | None":
         """Return the bench of the sequence with a fault undone in all windows, and the work that is left.

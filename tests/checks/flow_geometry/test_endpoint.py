@@ -292,6 +292,16 @@ def test_mirrored_depth_is_named(axes: tuple[int, ...]) -> None:
     assert (hypothesis.cause, hypothesis.stream) == ("mirrored", "depth")
 
 
+@pytest.mark.parametrize("factor", [4.0, 0.25])
+def test_scale_of_depth_follows_from_the_flow_of_the_way(factor: float) -> None:
+    """Any factor, of which flow of turning is independent."""
+    hypothesis = most_probable_cause(
+        clean().with_rows(path_depth=clean().rows_by_key["path/depth"] * np.float32(factor))
+    )
+    assert (hypothesis.cause, hypothesis.stream) == ("unit_mm_m", "depth")
+    assert hypothesis.magnitude == pytest.approx(factor, rel=1e-3)
+
+
 @pytest.mark.parametrize("exponent", [1, -1])
 def test_ray_length_is_told_from_depth(exponent: int) -> None:
     """Depth along the ray instead of the axis is named, and so is z that was taken for it and divided."""
