@@ -13,7 +13,7 @@ from tests.benchmarks.foreign_faults.kind import LAST_ROUND, Kind
 from tests.benchmarks.foreign_faults.outcome import Outcome
 
 CONFIDENCE: Final = 0.95
-ORDINALS: Final = ("first", "second", "third", "fourth", "fifth")
+ORDINALS: Final = ("first", "second", "third", "fourth", "fifth", "sixth")
 """Of rounds."""
 
 HEAD: Final = """\
