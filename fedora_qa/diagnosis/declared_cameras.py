@@ -19,20 +19,18 @@ from scipy.spatial.transform import Rotation
 from fedora_qa.checks.metadata.cameras import convention_offset_px
 from fedora_qa.conventions import R_BODY_OPTICAL
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
-from fedora_qa.faults.axes import CameraAxes, InvertedMounting
-from fedora_qa.faults.cameras import (
+from fedora_qa.faults.fault import Matrix3, signed_length
+from fedora_qa.faults.intrinsics import (
     FilmFocalLength,
     FocalLength,
     IntrinsicsOfSize,
     IntrinsicsOfSizes,
-    MountingRotation,
-    MountingUnit,
     PrincipalPointFromMiddle,
     PrincipalPointShift,
     TransposedIntrinsics,
     is_transposed,
 )
-from fedora_qa.faults.fault import Matrix3, signed_length
+from fedora_qa.faults.mountings import CameraAxes, InvertedMounting, MountingRotation, MountingUnit
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts

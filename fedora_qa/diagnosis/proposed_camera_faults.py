@@ -21,7 +21,7 @@ from fedora_qa.diagnosis.declared_cameras import (
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.measured_sizes import flow_vector
 from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ROTATION_MODELS, ShiftFieldFit, ShiftFieldModel
-from fedora_qa.faults import cameras
+from fedora_qa.faults import intrinsics, mountings
 from fedora_qa.faults.fault import Vector3
 from fedora_qa.views.flow_comparison import FlowParameterFit
 from fedora_qa.views.flow_conventions import ConventionTrial
@@ -67,9 +67,9 @@ def focal_length(fit: FittedCause) -> Faults:
         wider = [1 + gain for gain in best.focal_gains]
         for name, along in (("events", [1 / gain for gain in wider]), ("rgb", wider)):
             columns_percent, rows_percent = (100 * (factor - 1) for factor in along)
-            yield cameras.FocalLength("metadata", columns_percent, name, rows_percent)
+            yield intrinsics.FocalLength("metadata", columns_percent, name, rows_percent)
     for camera in _suspected_cameras(fit):
-        yield cameras.FocalLength(fit.stream, fit.size, camera)
+        yield intrinsics.FocalLength(fit.stream, fit.size, camera)
 
 
 def principal_point(fit: FittedCause) -> Faults:
@@ -83,7 +83,7 @@ def principal_point(fit: FittedCause) -> Faults:
     along_axes = ((fit.size, 0.0), (0.0, fit.size))
     for camera in _suspected_cameras(fit):
         for columns_px, rows_px in ((u, v),) if _has_that_size((u, v), fit.size) else along_axes:
-            yield cameras.PrincipalPointShift(fit.stream, columns_px, rows_px, camera)
+            yield intrinsics.PrincipalPointShift(fit.stream, columns_px, rows_px, camera)
 
 
 def mounting(fit: FittedCause) -> Faults:
@@ -93,17 +93,17 @@ def mounting(fit: FittedCause) -> Faults:
     for best in _camera_errors(fit, ROTATION_MODELS):
         # Events lie where the rotation moves the rays: R' = R Exp(w) of the event camera, or its inverse of colour.
         x_deg, y_deg, z_deg = (float(angle) for angle in np.rad2deg(best.parameters))
-        yield cameras.MountingRotation("metadata", (x_deg, y_deg, z_deg), "events")
-        yield cameras.MountingRotation("metadata", (-x_deg, -y_deg, -z_deg), "rgb")
+        yield mountings.MountingRotation("metadata", (x_deg, y_deg, z_deg), "events")
+        yield mountings.MountingRotation("metadata", (-x_deg, -y_deg, -z_deg), "rgb")
     for turned in _turned_mountings(fit):
         for camera in _suspected_cameras(fit):
-            yield cameras.MountingRotation("metadata", turned, camera)
+            yield mountings.MountingRotation("metadata", turned, camera)
     names = ("pitch", "yaw", "roll")
     pitch, yaw, roll = fitted_vector(fit) or flow_vector("mounting", names, fit.stream, fit.results)
     about_axes = ((fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
     for camera in _suspected_cameras(fit):
         for rotation_deg in ((pitch, yaw, roll),) if _has_that_size((pitch, yaw, roll), fit.size) else about_axes:
-            yield cameras.MountingRotation(fit.stream, rotation_deg, camera)
+            yield mountings.MountingRotation(fit.stream, rotation_deg, camera)
 
 
 def _turned_mountings(fit: FittedCause) -> Iterator[Vector3]:

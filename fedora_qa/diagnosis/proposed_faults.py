@@ -45,6 +45,7 @@ from fedora_qa.faults import (
     images,
     index_maps,
     motion,
+    mountings,
     pixels,
     row_order,
     units,
@@ -256,8 +257,8 @@ def _other_axes(fit: FittedCause) -> Faults:
     elif fit.stream == "metadata":
         yield from inverted_mountings(fit.facts)
         yield from mountings_of_other_bodies(fit.facts)
-        yield axes.CameraAxes()
-        yield axes.InvertedMounting()
+        yield mountings.CameraAxes()
+        yield mountings.InvertedMounting()
     else:
         yield from vector_axes(fit)
         # What the IMU states of the whole file leaves no other convention of attitudes.

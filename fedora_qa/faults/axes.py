@@ -1,12 +1,11 @@
-"""Faults of the axes in which vectors, orientations, mountings and the map that rectifies events are written."""
+"""Faults of the axes in which vectors, orientations and the map that rectifies events are written."""
 
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from fedora_qa.conventions import R_BODY_OPTICAL
 from fedora_qa.faults.fault import (
     KEYS_OF_SENSORS,
     Fault,
@@ -19,7 +18,6 @@ from fedora_qa.faults.fault import (
     value_keys,
 )
 from fedora_qa.geometry import so3
-from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -96,83 +94,6 @@ class VectorAxes:
             return so3.compose(so3.compose(left, q), right)
 
         return Fault(description, {_POSITION: turn, _ORIENTATION: in_rows(rotated, self.rows)})
-
-
-@dataclass(frozen=True, slots=True)
-class CameraAxes:
-    """Mountings of cameras are declared in other optical axes: ``R_body_camera' = R_body_camera axes``.
-
-    Attributes
-    ----------
-    axes
-        Rotation; by default that of body axes taken for optical ones, of a camera that looks straight ahead.
-    body_axes
-        Rotation to the axes of another body, in which positions are declared, too:
-        ``T_body_camera' = body_axes T_body_camera``.
-    """
-
-    axes: Matrix3 = tuple(zip(*R_BODY_OPTICAL, strict=True))  # type: ignore[assignment]  # the transpose
-    body_axes: Matrix3 = _IDENTITY
-    cause: ClassVar[str] = "frame_convention"
-    stream: ClassVar[str] = "metadata"
-    magnitude: ClassVar[None] = None
-
-    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Declare the other axes."""
-        return self._declared(facts, "cameras are declared in other axes", self.body_axes, self.axes)
-
-    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Declare optical axes, and those of the body."""
-        to = "the axes of the body" if np.array_equal(self.axes, _IDENTITY) else "optical axes"
-        transposed = (np.array(axes).T for axes in (self.body_axes, self.axes))
-        return self._declared(facts, f"cameras back to {to}", *transposed)
-
-    def _declared(self, facts: Facts, description: str, body_axes: ArrayLike, axes: ArrayLike) -> Fault:
-        T_written_body, T_camera_written = np.eye(4), np.eye(4)
-        T_written_body[:3, :3], T_camera_written[:3, :3] = body_axes, axes
-
-        def changed(camera: Camera) -> Camera:
-            return replace(camera, T_body_camera=T_written_body @ camera.T_body_camera @ T_camera_written)
-
-        if not facts.declared.cameras:
-            raise InapplicableError("Expected declared cameras, got none")
-        cameras = {name: changed(camera) for name, camera in facts.declared.cameras.items()}
-        return Fault(description, declared=replace(facts.declared, cameras=cameras))
-
-
-@dataclass(frozen=True, slots=True)
-class InvertedMounting:
-    """Mountings are declared as ``T_camera_body``, from the body to the camera.
-
-    Attributes
-    ----------
-    camera
-        The declared camera; None: all of them.
-    """
-
-    camera: str | None = None
-    cause: ClassVar[str] = "frame_convention"
-    stream: ClassVar[str] = "metadata"
-    magnitude: ClassVar[None] = None
-
-    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Declare the inverse."""
-        return self._inverted(facts, f"the mounting of {self.camera or 'all cameras'} is inverted")
-
-    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Declare the inverse of the inverse."""
-        return self._inverted(facts, f"the mounting of {self.camera or 'all cameras'} inverted back")
-
-    def _inverted(self, facts: Facts, description: str) -> Fault:
-        declared = facts.declared.cameras
-        names = tuple(declared) if self.camera is None else (self.camera,)
-        if not names or not declared.keys() >= set(names):
-            raise InapplicableError(f"Expected a declared camera {self.camera or ''}, got none")
-        cameras = dict(declared)
-        for name in names:
-            inverse = np.linalg.inv(declared[name].T_body_camera).astype(np.float64)
-            cameras[name] = replace(declared[name], T_body_camera=inverse)
-        return Fault(description, declared=replace(facts.declared, cameras=cameras))
 
 
 def _times_vectors(axes: Float64, vectors: NDArray[Any]) -> NDArray[Any]:

@@ -25,7 +25,7 @@ from fedora_qa.diagnosis.declared_cameras import (
 )
 from fedora_qa.diagnosis.metadata import propose_cameras
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.faults.axes import InvertedMounting
+from fedora_qa.faults.mountings import InvertedMounting
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import Camera

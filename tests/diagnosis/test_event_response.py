@@ -18,7 +18,7 @@ from fedora_qa.estimators.events.change_courses import longest_unrelated
 from fedora_qa.estimators.events.delays import DelayStep
 from fedora_qa.estimators.events.orientation import SYMMETRIES
 from fedora_qa.estimators.events.shift_field import ShiftFieldFit, ShiftFieldModel
-from fedora_qa.faults.cameras import FocalLength
+from fedora_qa.faults.intrinsics import FocalLength
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import Camera

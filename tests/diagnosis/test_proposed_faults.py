@@ -16,11 +16,12 @@ from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
 from fedora_qa.diagnosis.proposed_faults import faults_for, is_length_unit, is_testable
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.faults.axes import VectorAxes
-from fedora_qa.faults.cameras import FocalLength, MountingRotation, PrincipalPointShift
 from fedora_qa.faults.clocks import ClockRate, ClockShift
 from fedora_qa.faults.fault import is_of_part
 from fedora_qa.faults.images import RayLength
+from fedora_qa.faults.intrinsics import FocalLength, PrincipalPointShift
 from fedora_qa.faults.motion import AngleSense, QuaternionOrder
+from fedora_qa.faults.mountings import MountingRotation
 from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.row_order import DelayedFrames
 from fedora_qa.faults.table import faults_of

@@ -10,19 +10,7 @@ from hypothesis import Phase, find, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.faults.axes import CameraAxes, InvertedMounting, RectificationAxes, VectorAxes
-from fedora_qa.faults.cameras import (
-    FilmFocalLength,
-    FocalLength,
-    IntrinsicsOfSize,
-    IntrinsicsOfSizes,
-    MountingLeverArm,
-    MountingRotation,
-    MountingUnit,
-    PrincipalPointFromMiddle,
-    PrincipalPointShift,
-    TransposedIntrinsics,
-)
+from fedora_qa.faults.axes import RectificationAxes, VectorAxes
 from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
 from fedora_qa.faults.declarations import (
     EventModelMisdeclared,
@@ -43,6 +31,15 @@ from fedora_qa.faults.images import (
     Vignetting,
 )
 from fedora_qa.faults.index_maps import IndexShift, IndexSide
+from fedora_qa.faults.intrinsics import (
+    FilmFocalLength,
+    FocalLength,
+    IntrinsicsOfSize,
+    IntrinsicsOfSizes,
+    PrincipalPointFromMiddle,
+    PrincipalPointShift,
+    TransposedIntrinsics,
+)
 from fedora_qa.faults.motion import (
     AccelBias,
     AngleOrder,
@@ -55,6 +52,7 @@ from fedora_qa.faults.motion import (
     QuaternionOrder,
     Teleport,
 )
+from fedora_qa.faults.mountings import CameraAxes, InvertedMounting, MountingLeverArm, MountingRotation, MountingUnit
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
 from fedora_qa.faults.row_order import DelayedFrames, DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse

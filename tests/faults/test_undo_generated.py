@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from fedora_generator.faults.plant import plant_fault
 from fedora_qa.causes import stream_family
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.faults.axes import CameraAxes, VectorAxes
-from fedora_qa.faults.cameras import FocalLength, MountingLeverArm, MountingRotation, PrincipalPointShift
+from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
 from fedora_qa.faults.declarations import (
     EventModelMisdeclared,
@@ -26,6 +25,7 @@ from fedora_qa.faults.flow import FlowIntervalShift
 from fedora_qa.faults.gravity import GravityError
 from fedora_qa.faults.images import ChannelOrder, ExposureGain, InvalidCode, PowerCurve, RayLength, Vignetting
 from fedora_qa.faults.index_maps import IndexShift, IndexSide
+from fedora_qa.faults.intrinsics import FocalLength, PrincipalPointShift
 from fedora_qa.faults.motion import (
     AccelBias,
     GyroBias,
@@ -35,6 +35,7 @@ from fedora_qa.faults.motion import (
     QuaternionOrder,
     Teleport,
 )
+from fedora_qa.faults.mountings import CameraAxes, MountingLeverArm, MountingRotation
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit

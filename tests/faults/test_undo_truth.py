@@ -13,19 +13,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.faults.axes import CameraAxes, InvertedMounting, RectificationAxes, VectorAxes
-from fedora_qa.faults.cameras import (
-    FilmFocalLength,
-    FocalLength,
-    IntrinsicsOfSize,
-    IntrinsicsOfSizes,
-    MountingLeverArm,
-    MountingRotation,
-    MountingUnit,
-    PrincipalPointFromMiddle,
-    PrincipalPointShift,
-    TransposedIntrinsics,
-)
+from fedora_qa.faults.axes import RectificationAxes, VectorAxes
 from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
 from fedora_qa.faults.declarations import (
     EventModelMisdeclared,
@@ -46,6 +34,15 @@ from fedora_qa.faults.images import (
     Vignetting,
 )
 from fedora_qa.faults.index_maps import IndexShift, IndexSide
+from fedora_qa.faults.intrinsics import (
+    FilmFocalLength,
+    FocalLength,
+    IntrinsicsOfSize,
+    IntrinsicsOfSizes,
+    PrincipalPointFromMiddle,
+    PrincipalPointShift,
+    TransposedIntrinsics,
+)
 from fedora_qa.faults.motion import (
     AccelBias,
     AngleOrder,
@@ -58,6 +55,7 @@ from fedora_qa.faults.motion import (
     QuaternionOrder,
     Teleport,
 )
+from fedora_qa.faults.mountings import CameraAxes, InvertedMounting, MountingLeverArm, MountingRotation, MountingUnit
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit

@@ -11,15 +11,15 @@ from scipy.spatial.transform import Rotation
 from fedora_generator.faults.plant import plant_fault
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
-from fedora_qa.faults.axes import InvertedMounting
-from fedora_qa.faults.cameras import MountingUnit, PrincipalPointFromMiddle, TransposedIntrinsics
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import NoiseMisdeclared
 from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.gravity import ForceSign, GravityAlongBody
 from fedora_qa.faults.images import TransferMisdeclared
 from fedora_qa.faults.index_maps import IndexSide
+from fedora_qa.faults.intrinsics import PrincipalPointFromMiddle, TransposedIntrinsics
 from fedora_qa.faults.motion import AngleOrder, AngleSense, PoseInversion
+from fedora_qa.faults.mountings import InvertedMounting, MountingUnit
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.layout.canonical import DATASETS
