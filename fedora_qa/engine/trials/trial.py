@@ -3,8 +3,9 @@
 The checks that failed measure again, and those that read the stream of the fault. A fault is tried on the window of the
 worst finding first; one that clears a finding there is tried on four times as many windows around it, and so on up to
 all that the run measured. The same windows are measured without the fault undone: a finding counts as cleared only
-where its deviation is seen on these windows with the fault in place. Work is counted in windows for one check and
-bounded by what the run itself measured, never by the clock, so that a record does not depend on the machine.
+where its deviation is seen on these windows with the fault in place. What a fault that clears findings brings about
+between IMU and poses is measured in all windows. Work is counted in windows for one check and bounded by what the run
+itself measured, never by the clock, so that a record does not depend on the machine.
 """
 
 from collections.abc import Iterator, Mapping, Sequence, Set
