@@ -16,6 +16,7 @@
 #   make power        350 clean and 2200 faulty files, what is found of them: docs/power-tables.md; 23 GB, an hour and a quarter
 #   make power-off-grid  600 faulty files of sizes, directions, places and times at random: docs/power-off-grid.md; half an hour
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
+#   make study-conventions  plain conventions of exporters, axes and units and orders: named? printed; some minutes
 #   make study-composites  25 pairs of faults in one sequence: are both named? docs/named-composites.md; some minutes
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-foreign  correct files as others make them, 70 kinds: docs/foreign.md; hours
@@ -53,7 +54,7 @@ kernels: $(READY)
 	$(BIN)/fedora-generate sequence park-noisy -o $(OUT)/kernels-noisy.h5 --duration 0.6 --size 180x136 --force
 	$(BIN)/python -m fedora_qa.cli.kernel_list $(OUT)/kernels.h5 $(OUT)/kernels-noisy.h5
 
-.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-false-alarms study-foreign study-learning study-learning-smoke study-named-foreign study-real-data study-blind-spots study-mesh study-presets study-trade mutation bench bench-cluster bench-costs bench-files bench-flow bench-imu bench-readings bench-releases site clean
+.PHONY: demo test lint compiled-generator compiled-checks docs fuzz lock same-results test-lowest test-newest audit sbom wheel study-causes study-composites study-conventions study-false-alarms study-foreign study-learning study-learning-smoke study-named-foreign study-real-data study-blind-spots study-mesh study-presets study-trade mutation bench bench-cluster bench-costs bench-files bench-flow bench-imu bench-readings bench-releases site clean
 
 demo: $(READY_TO_USE)
 	@mkdir -p $(OUT)
@@ -98,6 +99,9 @@ docs: $(READY)
 
 study-causes: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.named_causes --fresh
+
+study-conventions: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.conventions.study
 
 study-composites: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.composite_faults
