@@ -236,7 +236,7 @@ FAULTS: dict[str, tuple[str, str, Callable[[Array], Array], str, str]] = {
         "m3ed", "falcon_data.h5:ovc/imu/ts", lambda t: t + 3300, "imu.timing", "time_offset",
     ),
     "an IMU of M3ED whose calibration is inverted": (
-        "m3ed", "falcon_data.h5:ovc/imu/calib/T_to_prophesee_left", np.linalg.inv, "imu.rotation", "other_sequence",
+        "m3ed", "falcon_data.h5:ovc/imu/calib/T_to_prophesee_left", np.linalg.inv, "imu.rotation", "frame_convention",
     ),
     # A stream of the accelerometer that has no weight is of no flight: no cause of the list describes it.
     "an IMU of MVSEC with angular velocity first": (

@@ -137,7 +137,10 @@ def test_a_mounting_that_looks_elsewhere_is_named(parallel: Path, tmp_path: Path
     path = Path(copy(parallel, tmp_path / "elsewhere.h5"))
     mounted(path, rotation)
     first = check_file(path, CheckOptions(evidence=None)).record.diagnoses[0]
-    assert (first.cause, first.stream, first.status) == ("extrinsic_rotation", "metadata", "confirmed")
+    assert (first.cause, first.stream) == ("extrinsic_rotation", "metadata")
+    # Frames, or events, that are turned by half about the middle of the image have the same effect.
+    is_half = np.isclose(rotation.magnitude(), np.pi)
+    assert first.status == ("supported" if is_half else "confirmed")
     assert abs(first.magnitude or 0.0) == pytest.approx(np.rad2deg(rotation.magnitude()), abs=1e-3)
 
 
