@@ -399,7 +399,7 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     # axis.
     view = SensorView(across, left, down, top, 1 / across, 1 / down)
     shape = sensor_shape(window.facts.declared)
-    focal_px = float(window.facts.declared.cameras["events"].K[0, 0])
+    focal_px = abs(float(window.facts.declared.cameras["events"].K[0, 0]))  # an axis may be declared reversed
     rows, most, speed_pixels = np.ones(shape[0], np.bool_), MOST_EVENTS, _SPEED_PIXELS
     if is_large(stored_px.shape[0] * stored_px.shape[1], window):
         most, speed_pixels = LARGE_EVENTS, round(LARGE_ROWS * _SPEED_PIXELS)
