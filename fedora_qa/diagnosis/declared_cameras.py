@@ -454,7 +454,10 @@ def mountings_of_other_bodies(facts: Facts) -> tuple[CameraAxes | InvertedMounti
         return ()
     bodies = dict.fromkeys((_FRD_FROM_FLU, *(_matrix(axes) for axes in nearest)))
     inverses = (InvertedMounting(),) if all(_from_straight(_inverse(c)) < _from_straight(c) for c in cameras) else ()
-    return (*inverses, *(CameraAxes(_SAME_AXES, body_axes) for body_axes in bodies))
+    # Cameras that are not rotated have the optical axes of no camera: those of the body were taken for them.
+    is_bare = all(np.allclose(camera.T_body_camera[:3, :3], np.eye(3), atol=AXES_AGREE) for camera in cameras)
+    bare = (CameraAxes(),) if is_bare else ()
+    return (*bare, *inverses, *(CameraAxes(_SAME_AXES, body_axes) for body_axes in bodies))
 
 
 def _inverse(camera: Camera) -> Camera:

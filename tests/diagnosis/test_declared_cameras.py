@@ -25,7 +25,7 @@ from fedora_qa.diagnosis.declared_cameras import (
 )
 from fedora_qa.diagnosis.metadata import propose_cameras
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.faults.mountings import InvertedMounting
+from fedora_qa.faults.mountings import CameraAxes, InvertedMounting
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import Camera
@@ -293,6 +293,12 @@ def test_mountings_on_another_body_are_put_back(R_body_camera: np.ndarray, chang
     faults = list(faults_for("frame_convention", "metadata", None, (), {}, facts))[:3]
     undone = [fault.undo(facts, memory_sequence()).declared for fault in faults]
     assert any(each is not None and are_alike(each.cameras, correct.declared.cameras) for each in undone)
+
+
+def test_cameras_that_are_not_rotated_have_the_axes_of_the_body_first() -> None:
+    """Work may suffice for one trial."""
+    facts = declared(facts_with_sizes(), on(np.eye(3)), ALL)
+    assert next(faults_for("frame_convention", "metadata", None, (), {}, facts)) == CameraAxes()
 
 
 def test_cameras_that_look_ahead_are_on_the_body() -> None:
