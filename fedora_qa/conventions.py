@@ -37,6 +37,12 @@ LUMA_WEIGHTS_RGB: Final = (0.299, 0.587, 0.114)
 R_BODY_OPTICAL: Final = ((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
 """Rotation of a camera that looks straight ahead: optical Z is body X, optical X is body -Y, optical Y is body -Z."""
 
+SAME_AXES: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+FRD_FROM_FLU: Final = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+"""A body of X forward, Y right, Z down from that of the format."""
+NED_FROM_ENU: Final = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
+"""A world of north, east, down from that of the format."""
+
 HORIZONTAL_FIELD_OF_VIEW_DEG: Final = 60.0
 """All three cameras of the paper."""
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.metadata.cameras import convention_offset_px
-from fedora_qa.conventions import R_BODY_OPTICAL
+from fedora_qa.conventions import FRD_FROM_FLU, R_BODY_OPTICAL, SAME_AXES
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.faults.fault import Matrix3, signed_length
 from fedora_qa.faults.intrinsics import (
@@ -68,9 +68,6 @@ least."""
 
 _OPPOSITE_PERCENT: Final = -200.0
 """Excess of a focal length that has the opposite sign."""
-
-_SAME_AXES: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-_FRD_FROM_FLU: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 
 _ROUND_DEG: Final = 0.5
 _SAME: Final = 1e-7
@@ -196,9 +193,8 @@ def resized_images(facts: Facts) -> tuple[IntrinsicsOfSize, ...]:
         ratios = width / camera.width, height / camera.height
         if is_transposed(camera.K) or not np.isfinite(ratios).all() or min(ratios) < _FROM_MIDDLE:
             continue
-        if not (min(ratios) > 1 + _FROM_MIDDLE or max(ratios) < 1 - _FROM_MIDDLE) or max(ratios) > _SHAPES * min(
-            ratios
-        ):
+        is_of_own_size = min(ratios) <= 1 + _FROM_MIDDLE and max(ratios) >= 1 - _FROM_MIDDLE
+        if is_of_own_size or max(ratios) > _SHAPES * min(ratios):
             continue
         # Rows of K that were multiplied keep a principal point in the middle at this ratio of it.
         multiplied = [float(2 * camera.K[i, 2] / (size - 1)) for i, size in enumerate((camera.width, camera.height))]
@@ -452,12 +448,12 @@ def mountings_of_other_bodies(facts: Facts) -> tuple[CameraAxes | InvertedMounti
     nearest = [_nearest_axes(camera.T_body_camera[:3, :3] @ np.array(R_BODY_OPTICAL).T) for camera in cameras]
     if not cameras or any(np.array_equal(axes, np.eye(3)) for axes in nearest):
         return ()
-    bodies = dict.fromkeys((_FRD_FROM_FLU, *(_matrix(axes) for axes in nearest)))
+    bodies = dict.fromkeys((FRD_FROM_FLU, *(_matrix(axes) for axes in nearest)))
     inverses = (InvertedMounting(),) if all(_from_straight(_inverse(c)) < _from_straight(c) for c in cameras) else ()
     # Cameras that are not rotated have the optical axes of no camera: those of the body were taken for them.
     is_bare = all(np.allclose(camera.T_body_camera[:3, :3], np.eye(3), atol=AXES_AGREE) for camera in cameras)
     bare = (CameraAxes(),) if is_bare else ()
-    return (*bare, *inverses, *(CameraAxes(_SAME_AXES, body_axes) for body_axes in bodies))
+    return (*bare, *inverses, *(CameraAxes(SAME_AXES, body_axes) for body_axes in bodies))
 
 
 def _inverse(camera: Camera) -> Camera:

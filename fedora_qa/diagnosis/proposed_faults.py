@@ -13,7 +13,7 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
 from fedora_qa.checks.integrity.finite import OutOfRange
-from fedora_qa.conventions import MS_PER_S, NS_PER_MS, NS_PER_US
+from fedora_qa.conventions import FRD_FROM_FLU, MS_PER_S, NED_FROM_ENU, NS_PER_MS, NS_PER_US, SAME_AXES
 from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
 from fedora_qa.diagnosis.clocks import is_right_elsewhere
 from fedora_qa.diagnosis.declared_cameras import inverted_mountings, mountings_of_other_bodies
@@ -23,7 +23,6 @@ from fedora_qa.diagnosis.flow import CAUSES_OF_TRANSFORM, fractions_of_px
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, frames_lost_before, measured, rgb_px_per_event_px
 from fedora_qa.diagnosis.proposed_camera_faults import fitted_vector, focal_length, mounting, principal_point
 from fedora_qa.diagnosis.proposed_motion_faults import (
-    SAME_AXES,
     accel_bias,
     angle_unit,
     component_orders,
@@ -50,7 +49,7 @@ from fedora_qa.faults import (
     row_order,
     units,
 )
-from fedora_qa.faults.fault import Matrix3, RowRange, value_keys
+from fedora_qa.faults.fault import RowRange, value_keys
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz
@@ -81,12 +80,6 @@ _UNIT_TOLERANCE: Final = 0.02
 _ROUNDINGS: Final = 2
 """Largest change of the difference of two timestamps by rounding, in units of the timestamps: half a unit for each
 timestamp, and the rounding of the period."""
-
-
-_NED_FROM_ENU: Final[Matrix3] = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
-
-
-_FRD_FROM_FLU: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 
 
 def faults_for(
@@ -265,9 +258,9 @@ def _other_axes(fit: FittedCause) -> Faults:
         if fit.stream == "pose" and not any(rows is None for _, rows in inertial_conventions(fit)):
             yield motion.AngleOrder()
             yield motion.AngleOrder(were_taken_so=True)
-            yield axes.VectorAxes(fit.stream, _NED_FROM_ENU, _FRD_FROM_FLU)
-            yield axes.VectorAxes(fit.stream, _NED_FROM_ENU)
-            yield axes.VectorAxes(fit.stream, SAME_AXES, _FRD_FROM_FLU)
+            yield axes.VectorAxes(fit.stream, NED_FROM_ENU, FRD_FROM_FLU)
+            yield axes.VectorAxes(fit.stream, NED_FROM_ENU)
+            yield axes.VectorAxes(fit.stream, SAME_AXES, FRD_FROM_FLU)
 
 
 def _axes_of_flow(fit: FittedCause) -> Faults:
@@ -340,9 +333,9 @@ def _thresholds(fit: FittedCause) -> Faults:
 def _length_unit(fit: FittedCause) -> Faults:
     if fit.stream in ("depth", "pose") and not is_length_unit(fit.size):
         # No unit: a scale, which is one of all lengths. All pairs of frames measure it better than one field of flow.
-        scale = measured(fit.results.get("depth.scale"), "scale")
-        is_scaled = fit.stream == "depth" and scale is not None and scale.exceeds_limit and (scale.value or 0.0) > 0
-        size = scale.value if is_scaled and scale is not None and scale.value else fit.size
+        excess = deviation(fit.results.get("depth.scale"), "scale", beyond_limit=True)
+        is_measured = fit.stream == "depth" and excess != 0.0 and 1.0 + excess > 0
+        size = 1.0 + excess if is_measured else fit.size
         yield units.LengthUnit("depth" if fit.stream == "depth" else "pose", size)
     elif fit.stream in ("depth", "pose"):
         for feature in (feature for alarm in fit.alarms for feature in alarm.statistic.features):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.pose.continuity import DisplacedPositions
-from fedora_qa.conventions import NS_PER_US
+from fedora_qa.conventions import NS_PER_US, SAME_AXES
 from fedora_qa.diagnosis.declared_cameras import mounting_units
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.imu import HALF_TURN
@@ -19,8 +19,6 @@ from fedora_qa.faults.fault import Matrix3, RowRange, Sensor, Vector3
 from fedora_qa.geometry import so3
 from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
 from fedora_qa.views.sample_defects import LoneSamples, NoiseAtTimes
-
-SAME_AXES: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 _SENSORS: Final[Mapping[MotionKind, Sensor]] = {"rotation": "gyro", "translation": "accelerometer"}
 """The sensor that is compared with poses, by the kind of the comparison."""

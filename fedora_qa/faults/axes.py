@@ -1,11 +1,12 @@
 """Faults of the axes in which vectors, orientations and the map that rectifies events are written."""
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import SAME_AXES
 from fedora_qa.faults.fault import (
     KEYS_OF_SENSORS,
     Fault,
@@ -24,7 +25,6 @@ from fedora_qa.sequence.sequence import SequenceRows
 Float64 = NDArray[np.float64]
 
 _POSITION, _ORIENTATION = "path/pose/position", "path/pose/orientation"
-_IDENTITY: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class VectorAxes:
 
     stream: str
     axes: Matrix3
-    body_axes: Matrix3 = _IDENTITY
+    body_axes: Matrix3 = SAME_AXES
     turns_orientations: bool = True
     cause: Literal["frame_convention", "axes_swapped"] = "frame_convention"
     rows: RowRange | None = None

@@ -1,20 +1,18 @@
 """Faults of the mountings of cameras on the body: they are declared wrongly, or flow was made with wrong ones."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fedora_qa.conventions import R_BODY_OPTICAL
+from fedora_qa.conventions import R_BODY_OPTICAL, SAME_AXES
 from fedora_qa.faults.camera_changes import Change, declared, planted, removed
 from fedora_qa.faults.fault import Fault, Matrix3, Vector3, signed_length
 from fedora_qa.geometry import so3
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
-
-_IDENTITY: Final[Matrix3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +142,7 @@ class CameraAxes:
     """
 
     axes: Matrix3 = tuple(zip(*R_BODY_OPTICAL, strict=True))  # type: ignore[assignment]  # the transpose
-    body_axes: Matrix3 = _IDENTITY
+    body_axes: Matrix3 = SAME_AXES
     cause: ClassVar[str] = "frame_convention"
     stream: ClassVar[str] = "metadata"
     magnitude: ClassVar[None] = None
@@ -155,7 +153,7 @@ class CameraAxes:
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Declare optical axes, and those of the body."""
-        to = "the axes of the body" if np.array_equal(self.axes, _IDENTITY) else "optical axes"
+        to = "the axes of the body" if np.array_equal(self.axes, SAME_AXES) else "optical axes"
         transposed = (np.array(axes).T for axes in (self.body_axes, self.axes))
         return self._declared(facts, f"cameras back to {to}", *transposed)
 

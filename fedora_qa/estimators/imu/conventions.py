@@ -295,7 +295,7 @@ def explain_forces(
     if len(edges) < _FEWEST_EDGES:
         return None
     edges_s = samples.pose_times_s[edges]
-    means = _accelerations(edges_s, CubicSpline(samples.imu_times_s, forces).antiderivative(2)(edges_s))
+    unturned_forces = _accelerations(edges_s, CubicSpline(samples.imu_times_s, forces).antiderivative(2)(edges_s))
     by_position = _accelerations(edges_s, samples.positions_world_m[edges])
     noise = 6 * (sigma_m / float(np.median(np.diff(edges_s))) ** 2) ** 2
     up = np.array([0.0, 0.0, gravity_m_s2])
@@ -329,21 +329,21 @@ def explain_forces(
         finite = np.isfinite(turned).all(axis=(1, 2, 3))
         if np.count_nonzero(finite) < 2:
             continue
-        turned, compared, unturned = turned[finite], by_position[finite], means[finite]
+        turned, compared, unturned = turned[finite], by_position[finite], unturned_forces[finite]
         # An exchange of axes alters no mean square.
         variances = {unit: _expected_variance(compared / unit, noise / unit**2) for unit in _LENGTH_UNITS}
-        of_attitude = [(_AXES, _AXES)] if quaternions in _RARE_ORDERS else exchanges
+        exchanges_of_attitude = [(_AXES, _AXES)] if quaternions in _RARE_ORDERS else exchanges
         if (quaternions, signs) == ("xyzw", _AS_DECLARED):
             variance = variances[1.0]
             # Positions alone in a turned world: p'' = W (R f + g).
             worlds = _turn(turned[..., :3].trace(axis1=2, axis2=3) - up, compared, variance)
-            of_attitude = [*exchanges, *((_AXES, world) for world in worlds)]
+            exchanges_of_attitude = [*exchanges, *((_AXES, world) for world in worlds)]
             for name, factor in _GRAVITY_FACTORS.items():
                 residual = _mean_square(compared - unturned + factor * up) / variance
                 candidates.append(
                     InertialConvention(gravity=name, residual=residual, count=len(compared), sensor_frame="world")
                 )
-        for sensor, world in of_attitude:
+        for sensor, world in exchanges_of_attitude:
             by_force = np.einsum("nijk,kj->ni", turned[..., :3], np.array(sensor))
             # p'' = R f + g: what the candidate has for -g, and the name of it.
             gravities: list[tuple[GravityConvention, WorldAxis, Float64]] = [

@@ -48,6 +48,11 @@ def mapped(*keys: str, by: Callable[[Array], Array]) -> Change:
     return change
 
 
+def times(factor: float) -> Callable[[Array], Array]:
+    """Return what multiplies values."""
+    return lambda values: values * factor
+
+
 def of_flow(by: Callable[[Array, float], Array]) -> Change:
     """Return what applies a function of flow (n, h, w, 2) and its rate, Hz, to every rate."""
 

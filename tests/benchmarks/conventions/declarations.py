@@ -63,15 +63,11 @@ CAMERAS: Final = {
 }
 
 
-def _clock(key: str, by: Callable[[Array], Array]) -> Change:
-    return mapped(key, by=by)
-
-
 def _late(ms: float) -> Callable[[Array], Array]:
     return lambda times_us: times_us + round(1000 * ms)
 
 
-def _times(factor: float) -> Callable[[Array], Array]:
+def _counted(factor: float) -> Callable[[Array], Array]:
     return lambda times_us: np.floor(times_us * factor)
 
 
@@ -80,29 +76,31 @@ _FRAMES: Final = {"colour": ("rgb", "path/rgb_ts"), "depth": ("depth", "path/dep
 
 CLOCKS: Final = {
     **{
-        f"{name} in {unit}": Convention((f"{stream}:time_unit", f"{stream}:clock_rate"), _clock(key, _times(factor)))
+        f"{name} in {unit}": Convention(
+            (f"{stream}:time_unit", f"{stream}:clock_rate"), mapped(key, by=_counted(factor))
+        )
         for name, (stream, key) in (*_SAMPLES.items(), *_FRAMES.items())
         for unit, factor in (("ns", 1000.0), ("ticks of 32768 Hz", 0.032768), ("100 us", 0.01), ("1/32 of time", 32.0))
     },
     **{
-        f"{name} in ms": Convention((f"{stream}:time_unit",), _clock(key, _times(0.001)))
+        f"{name} in ms": Convention((f"{stream}:time_unit",), mapped(key, by=_counted(0.001)))
         for name, (stream, key) in _SAMPLES.items()
     },
     **{
-        f"{name} late by {ms:g} ms": Convention((f"{stream}:time_offset",), _clock(key, _late(ms)))
+        f"{name} late by {ms:g} ms": Convention((f"{stream}:time_offset",), mapped(key, by=_late(ms)))
         for name, (stream, key) in (*_SAMPLES.items(), *_FRAMES.items())
         for ms in (7.0, -12.0)
     },
     **{
-        f"{name} 1% slow": Convention((f"{stream}:clock_rate",), _clock(key, _times(1.01)))
+        f"{name} 1% slow": Convention((f"{stream}:clock_rate",), mapped(key, by=_counted(1.01)))
         for name, (stream, key) in _SAMPLES.items()
     },
     **{
-        f"events in {unit}": Convention(("events:time_unit",), _clock("path/events/t", _times(factor)))
+        f"events in {unit}": Convention(("events:time_unit",), mapped("path/events/t", by=_counted(factor)))
         for unit, factor in (("ns", 1000.0), ("ms", 0.001))
     },
     **{
-        f"events late by {ms:g} ms": Convention(("events:time_offset",), _clock("path/events/t", _late(ms)))
+        f"events late by {ms:g} ms": Convention(("events:time_offset",), mapped("path/events/t", by=_late(ms)))
         for ms in (2.0, -5.0)
     },
 }

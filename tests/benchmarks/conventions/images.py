@@ -7,7 +7,7 @@ from typing import Final
 import h5py
 import numpy as np
 
-from tests.benchmarks.conventions.convention import Array, Change, Convention, both, mapped, of_flow, rewrite
+from tests.benchmarks.conventions.convention import Array, Change, Convention, both, mapped, of_flow, rewrite, times
 
 _RGB, _DEPTH = "path/rgb", "path/depth"
 _FLOW_UNIT: Final = ("flow:flow_unit",)
@@ -84,16 +84,12 @@ def _along_rays(power: int) -> Change:
     return change
 
 
-def _times(factor: float) -> Callable[[Array], Array]:
-    return lambda values: values * factor
-
-
 DEPTH: Final = {
     **{
-        f"depth times {factor:g}": Convention(("depth:unit_mm_m",), _of_depth(_times(factor)))
+        f"depth times {factor:g}": Convention(("depth:unit_mm_m",), _of_depth(times(factor)))
         for factor in (0.001, 0.01, 0.1, 0.3048, 4.0, 10.0, 1000.0)
     },
-    "depth as 255 shares of its range": Convention(("depth:unit_mm_m",), _of_depth(_times(255 / _FAR_MM))),
+    "depth as 255 shares of its range": Convention(("depth:unit_mm_m",), _of_depth(times(255 / _FAR_MM))),
     "inverse depth": Convention(
         ("depth:unit_mm_m", "depth:invalid_encoding", "depth:depth_ray_not_z"), _of_depth(lambda depth: 1e6 / depth)
     ),

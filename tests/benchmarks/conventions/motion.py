@@ -19,6 +19,7 @@ from tests.benchmarks.conventions.convention import (
     both,
     mapped,
     rewrite,
+    times,
 )
 
 _OTHER_AXES: Final = ("pose:frame_convention", "pose:axes_swapped")
@@ -98,10 +99,6 @@ def _with_negated(place: int) -> Callable[[Array], Array]:
     return lambda q: q * np.where(np.arange(4) == place, -1, 1)
 
 
-def _times(factor: float) -> Callable[[Array], Array]:
-    return lambda values: values * factor
-
-
 POSES: Final = {
     **{
         f"quaternions {''.join('xyzw'[place] for place in order)}": Convention(
@@ -148,7 +145,7 @@ POSES: Final = {
         _rotated(lambda attitude: Rotation.from_euler("xyz", attitude.as_euler("zyx")[:, ::-1])),
     ),
     **{
-        f"positions times {factor:g}": Convention(("pose:unit_mm_m",), mapped(POSITION, by=_times(factor)))
+        f"positions times {factor:g}": Convention(("pose:unit_mm_m",), mapped(POSITION, by=times(factor)))
         for factor in (100.0, 1000.0, 0.01, 0.3048)
     },
 }
@@ -172,7 +169,7 @@ IMU: Final = {
         for place in range(3)
     },
     **{
-        f"gyro times {factor:.3g}": Convention(("imu:unit_deg_rad",), mapped(GYRO, by=_times(factor)))
+        f"gyro times {factor:.3g}": Convention(("imu:unit_deg_rad",), mapped(GYRO, by=times(factor)))
         for factor in (180 / np.pi, np.pi / 180, 1000.0)
     },
     "accelerometer in optical axes": Convention(_OF_IMU, _sensors(OPTICAL.T, ACCELEROMETER)),
