@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import copysign, inf, isclose, isfinite, log
 from types import MappingProxyType
-from typing import Final, get_args
+from typing import Final, Literal, get_args
 
 import numpy as np
 
@@ -77,6 +77,10 @@ _UNIT_TOLERANCE: Final = 0.02
 """Largest relative difference of a fitted factor from that of a unit: units next to each other differ by more."""
 
 
+_WITHIN: Final = 3.0
+"""Standard errors within which a factor is that of a fit: one of a thousand correct factors is outside on either side."""
+
+
 _ROUNDINGS: Final = 2
 """Largest change of the difference of two timestamps by rounding, in units of the timestamps: half a unit for each
 timestamp, and the rounding of the period."""
@@ -117,9 +121,14 @@ def is_testable(cause: str, stream: str, magnitude: float | None) -> bool:
 
 
 def is_length_unit(factor: float) -> bool:
-    """Whether a factor is the ratio of two units of length."""
+    """Whether a factor is the ratio of two units of length, within the error of a fit."""
+    return _ratio_of_units(factor) is not None
+
+
+def _ratio_of_units(factor: float) -> float | None:
+    """Return the ratio of two units of length that a fitted factor states; None where it is none."""
     ratios = (ratio for unit in _LENGTH_UNITS for ratio in (unit, 1 / unit))
-    return any(abs(factor / ratio - 1) <= _UNIT_TOLERANCE for ratio in ratios)
+    return next((ratio for ratio in ratios if abs(factor / ratio - 1) <= _UNIT_TOLERANCE), None)
 
 
 def _displaced_part(fit: FittedCause) -> DisplacedSegment | None:
@@ -331,21 +340,44 @@ def _thresholds(fit: FittedCause) -> Faults:
 
 
 def _length_unit(fit: FittedCause) -> Faults:
-    if fit.stream in ("depth", "pose") and not is_length_unit(fit.size):
+    if fit.stream not in ("depth", "pose"):
+        return
+    stream: Literal["depth", "pose"] = "depth" if fit.stream == "depth" else "pose"
+    exact = _ratio_of_units(fit.size)
+    if exact is None:
         # No unit: a scale, which is one of all lengths. All pairs of frames measure it better than one field of flow.
-        excess = deviation(fit.results.get("depth.scale"), "scale", beyond_limit=True)
-        is_measured = fit.stream == "depth" and excess != 0.0 and 1.0 + excess > 0
-        size = 1.0 + excess if is_measured else fit.size
-        yield units.LengthUnit("depth" if fit.stream == "depth" else "pose", size)
-    elif fit.stream in ("depth", "pose"):
+        measured_factor = _factor_within_range(fit.results) if stream == "depth" else None
+        yield units.LengthUnit(stream, measured_factor or fit.size)
+        return
+    # The ratio is exact, and its fit is not: depths that end at the declared range would leave it by the error.
+    for factor in dict.fromkeys((exact, fit.size)):
         for feature in (feature for alarm in fit.alarms for feature in alarm.statistic.features):
-            if fit.stream == "depth" and isinstance(feature, OutOfRange) and feature.rescaled_rows is not None:
+            if stream == "depth" and isinstance(feature, OutOfRange) and feature.rescaled_rows is not None:
                 # Divided in the whole file, correct frames would be in the other unit.
-                yield units.LengthUnit("depth", fit.size, feature.rescaled_rows)
-        if fit.stream == "depth":
+                yield units.LengthUnit(stream, factor, feature.rescaled_rows)
+        if stream == "depth":
             for part in _parts_of_depth(fit):
-                yield units.LengthUnit("depth", fit.size, part)
-        yield units.LengthUnit("depth" if fit.stream == "depth" else "pose", fit.size)
+                yield units.LengthUnit(stream, factor, part)
+        yield units.LengthUnit(stream, factor)
+
+
+def _factor_within_range(results: Results) -> float | None:
+    """Return the factor of all depths that ``depth.scale`` measures; None where it measures none.
+
+    Of the factors within the error of the fit it is the nearest one with which the depths lie in the declared range.
+    """
+    scale = measured(results.get("depth.scale"), "scale")
+    if scale is None or scale.value is None or scale.value <= 0 or not scale.exceeds_limit:
+        return None
+    nearest, farthest = (measured(results.get("depth.range"), end) for end in ("nearest", "farthest"))
+    factor = scale.value
+    # low <= stored depth / factor <= high
+    if nearest is not None and nearest.value is not None and nearest.expected:
+        factor = min(factor, nearest.value / nearest.expected)
+    if farthest is not None and farthest.value is not None and farthest.expected:
+        factor = max(factor, farthest.value / farthest.expected)
+    error = _WITHIN * (scale.standard_error or 0.0)
+    return factor if abs(factor - scale.value) <= error else scale.value
 
 
 def _flow_units(fit: FittedCause) -> Faults:

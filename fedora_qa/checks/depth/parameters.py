@@ -20,6 +20,9 @@ from fedora_qa.views.flow_intervals import depths_plausible
 _FAR: Final = 3.0
 """Distance from the median, in sigmas, at which a pair has half the weight."""
 
+_SIGNIFICANT: Final = 3.0
+"""Standard deviations from which chi squared of all corrections exceeds their noise: noise alone does so in 0.1%."""
+
 
 @dataclass(frozen=True, slots=True)
 class ResidualReduction(Feature):
@@ -28,7 +31,8 @@ class ResidualReduction(Feature):
     Attributes
     ----------
     share
-        Share of the typical residual that the parameter removes, 0 to 1.
+        Share of the deviation that the parameter removes, 0 to 1: of the typical residual, or of what the corrections
+        of the motion exceed their declared noise by, whichever is larger.
     """
 
     share: float
@@ -49,6 +53,9 @@ class PairParameter:
     declared_residual, fit_residual
         Typical (median absolute relative) residuals as declared and after the fit; the former is infinite where the
         frames cannot be compared as declared.
+    declared_noise_square, fit_noise_square, noise_dof
+        Chi squared of the corrections of the motion under its declared noise, as declared (NaN where the frames cannot
+        be compared) and after the fit; and the number of directions that the frames constrain as declared.
     plausible
         Whether the depths lie in the declared range.
     path_factor
@@ -63,6 +70,9 @@ class PairParameter:
     bound: float
     declared_residual: float
     fit_residual: float
+    declared_noise_square: float
+    fit_noise_square: float
+    noise_dof: float
     plausible: bool
     path_factor: float
 
@@ -76,7 +86,7 @@ class PooledParameter:
     value, standard_error, bound
         As in ``PairParameter``.
     residual_reduction
-        Share of the typical residual that the parameter removes, 0 to 1.
+        As in ``ResidualReduction``.
     """
 
     value: float
@@ -97,7 +107,7 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
     from_value: ClassVar[float] = 0.0
     """Start of the fit for frames that do not agree as declared."""
     declared_value: ClassVar[float] = 0.0
-    """The number as declared: start of the fit for frames that agree, with the motion under which they agree."""
+    """The number as declared: start of the fit for frames that agree."""
 
     def not_applicable(self, facts: Facts) -> str:
         """Return which assumption of the model does not hold; empty where all hold."""
@@ -143,13 +153,10 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
                 continue
             lattice, image1 = pair.lattice_to_fit(), pair.image1
             as_declared = pair.fit_as_declared()
-            # Frames that agree as declared start from the declared value and the motion fitted with it.
-            start, coefficients = self.from_value, None
-            if as_declared is not None and as_declared.agrees:
-                start, coefficients = self.declared_value, as_declared.coefficients
-            fit = fit_depth(
-                self.family(pair), lattice, image1, pair.noise, start=start, step=self.number, coefficients=coefficients
-            )
+            # Frames may agree because corrections of the motion make up for a wrong number: only the number, not the
+            # corrections, is taken from there.
+            start = self.declared_value if as_declared is not None and as_declared.agrees else self.from_value
+            fit = fit_depth(self.family(pair), lattice, image1, pair.noise, start=start, step=self.number)
             # A pair of frames that does not constrain the parameter has no finite standard error.
             if fit is None or not np.isfinite(fit.standard_error):
                 continue
@@ -165,6 +172,9 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
                     fit.bound,
                     as_declared.typical if as_declared else np.inf,
                     fit.typical,
+                    as_declared.noise_square if as_declared else np.nan,
+                    fit.noise_square,
+                    as_declared.noise_dof if as_declared else 0.0,
                     depths_plausible(pair.window.facts, lattice.depths_m),
                     self.path_factor(pair, fit) if window.sampling.features else float("nan"),
                 )
@@ -224,5 +234,22 @@ def pool(fits: Sequence[PairParameter], *, known_noise: bool) -> PooledParameter
         standard_error=float(np.sqrt(variance)),
         # Bounds average linearly: an error of the model may have the same sign in all pairs.
         bound=float(weights @ bounds),
-        residual_reduction=max(float(np.median(1.0 - residual_ratios)), 0.0),
+        residual_reduction=max(float(np.median(1.0 - residual_ratios)), _removed_corrections(fits), 0.0),
     )
+
+
+def _removed_corrections(fits: Sequence[PairParameter]) -> float:
+    """Return the share of the excess of the corrections over their declared noise that the parameter removes.
+
+    The excess is the root of chi squared less its expected value n. It counts where chi squared exceeds n by three of
+    its standard deviations, sqrt(2 n).
+    """
+    declared, fitted, dof = np.array(
+        [(fit.declared_noise_square, fit.fit_noise_square, fit.noise_dof) for fit in fits]
+    ).T
+    compared = np.isfinite(declared)
+    expected = float(dof[compared].sum())
+    excess = float(declared[compared].sum()) - expected
+    if excess <= _SIGNIFICANT * np.sqrt(2 * expected):
+        return 0.0
+    return 1.0 - float(np.sqrt(max(fitted[compared].sum() - expected, 0.0) / excess))

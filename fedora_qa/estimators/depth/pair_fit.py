@@ -122,7 +122,6 @@ def fit_depth(
     *,
     start: float,
     step: float | ModelNumber | None,
-    coefficients: Float64 | None = None,
 ) -> DepthFit | None:
     """Fit a parameter, and the twist of the motion within its noise, by Gauss-Newton steps.
 
@@ -139,8 +138,6 @@ def fit_depth(
     step
         Change of the parameter for central differences, in its unit; or the name of the number of the model that the
         parameter is, for which derivatives are known. None where only the twist is fitted.
-    coefficients
-        (k,) coefficients of the first twist along the directions of the noise, in standard deviations; 0 where None.
 
     Returns
     -------
@@ -154,7 +151,7 @@ def fit_depth(
     the twist with the least median residual is taken.
     """
     problem = _FitProblem(family, lattice, image1, noise, step)
-    value, z = start, np.zeros(noise.shape[1]) if coefficients is None else coefficients
+    value, z = start, np.zeros(noise.shape[1])
     # Far from the solution: Huber's convex loss, which has only one minimum. Near it: Cauchy's, which is more robust.
     convex = True
     visited: list[tuple[float, float, Float64]] = []
