@@ -78,7 +78,7 @@ _UNIT_TOLERANCE: Final = 0.02
 
 
 _WITHIN: Final = 3.0
-"""Standard errors within which a factor is that of a fit: one of a thousand correct factors is outside on either side."""
+"""Standard errors within which a factor is that of a fit: one of a thousand is outside on either side."""
 
 
 _ROUNDINGS: Final = 2

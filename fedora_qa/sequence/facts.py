@@ -205,6 +205,10 @@ class EventScan:
         return first_ns, last_ns
 
 
+NEVER_NS: Final = 1 << 62
+"""Farther than any event from any frame."""
+
+
 @dataclass(frozen=True, slots=True)
 class IndexMap:
     """A frame-to-event map as stored, with its correct entries.
@@ -220,12 +224,16 @@ class IndexMap:
         (n,) number of events not later than each frame.
     by_definition
         (n,) correct entries by the definition that the dialect states; None where it states none.
+    pointed_ns
+        (n, 2) timestamps of the event before the one that each entry as stored points to, and of that one, ns from the
+        file's origin; ``NEVER_NS`` behind and ahead of all where there is none. None where it was not read.
     """
 
     stored: Int64
     expected_left: Int64
     expected_right: Int64
     by_definition: Int64 | None = None
+    pointed_ns: Int64 | None = None
 
     @property
     def correct(self) -> Int64:

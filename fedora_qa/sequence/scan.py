@@ -6,7 +6,7 @@ to it, which never decreases.
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -16,6 +16,7 @@ from fedora_qa.conventions import NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import FRAMES_OF_MAP, MS_TO_EVENT, is_timed, timestamps_of
 from fedora_qa.sequence.facts import (
+    NEVER_NS,
     Clock,
     EventScan,
     EventStep,
@@ -39,9 +40,6 @@ longer cells."""
 
 FARTHEST_INDEX: Final = 1 << 53
 """Largest stored index: larger ones are clipped, so that differences fit int64 and are exact in float64."""
-
-_NEVER_NS: Final = 1 << 62
-"""Farther than any event from any frame."""
 
 KEPT_STEPS: Final = 8
 """Number of longest steps of either direction that are kept. A clock reset has two; the others give the usual
@@ -121,6 +119,8 @@ class _EventTally:
         Number of events without a place in time, and the row of the first.
     around
         By index map: the events next to each frame.
+    pointed
+        By index map: the events that its entries point to.
     """
 
     cell_ns: int
@@ -144,6 +144,7 @@ class _EventTally:
     unplaced: int = 0
     first_unplaced: int = -1
     around: Mapping[str, "_NearestEvents"] = field(default_factory=dict)
+    pointed: Mapping[str, "_PointedEvents"] = field(default_factory=dict)
 
     def add(self, start: int, times_ns: Int64) -> None:
         """Add the timestamps of one block, whose first row is ``start``."""
@@ -202,6 +203,8 @@ class _EventTally:
         for nearest in self.around.values():
             ordered = np.sort(times_ns) if ordered is None else ordered
             nearest.add(ordered)
+        for pointed in self.pointed.values():
+            pointed.add(start, times_ns)
         self.latest_ns = max(floor, high)
         self.previous_ns = int(times_ns[-1])
         self.count += len(times_ns)
@@ -212,13 +215,27 @@ class _EventTally:
         self.block_first_ns.append(self.latest_ns or 0)
 
 
+class _PointedEvents:
+    """Timestamps of the events that the entries (n,) of a map point to, and of those before them."""
+
+    def __init__(self, entries: Int64) -> None:
+        self._entries = entries
+        self.times_ns = np.repeat([[-NEVER_NS, NEVER_NS]], len(entries), axis=0)
+
+    def add(self, start: int, times_ns: Int64) -> None:
+        """Add a block of event timestamps, whose first row is ``start``."""
+        for side, rows in enumerate((self._entries - 1 - start, self._entries - start)):
+            within = (rows >= 0) & (rows < len(times_ns))
+            self.times_ns[within, side] = times_ns[rows[within]]
+
+
 class _NearestEvents:
     """Instants of the events next to each frame, before and not before it, and how many events share them."""
 
     def __init__(self, frames_ns: Int64) -> None:
         self._frames_ns = frames_ns
-        self._before = np.full(len(frames_ns), -_NEVER_NS)
-        self._after = np.full(len(frames_ns), _NEVER_NS)
+        self._before = np.full(len(frames_ns), -NEVER_NS)
+        self._after = np.full(len(frames_ns), NEVER_NS)
         self._before_count, self._after_count = (np.zeros(len(frames_ns), np.int64) for _ in range(2))
 
     def add(self, ordered_ns: Int64) -> None:
@@ -296,7 +313,9 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         # Milliseconds count on the clock of the stored timestamps, to which an offset may belong.
         zero_ns = sequence.layout.bindings[timestamps_of("events")].offset_ns - sequence.origin_ns
         instants_ns[MS_TO_EVENT] = milliseconds_ns(milliseconds.rows, zero_ns)
-    tally = _EventTally(cell_ns, instants_ns, around=around)
+    stored_maps = _stored_maps(sequence, instants_ns)
+    pointed = {name: _PointedEvents(stored) for name, stored in stored_maps.items() if not definitions.get(name)}
+    tally = _EventTally(cell_ns, instants_ns, around=around, pointed=pointed)
     events: EventScan | None = None
     if "events" in streams:
         key = timestamps_of("events")
@@ -322,23 +341,16 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
             first_unplaced=tally.first_unplaced,
         )
     index_maps: dict[str, IndexMap] = {}
-    for name, frames_ns in frame_timestamps.items():
-        key = f"metadata/{name}"
-        try:
-            stored = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
-        except UnreadableRowsError:
-            continue
-        none_before = np.zeros(len(frames_ns), np.int64)
-        stored = np.clip(stored, -FARTHEST_INDEX, FARTHEST_INDEX)
-        left, right = tally.left.get(name, none_before), tally.right.get(name, none_before)
-        index_maps[name] = _index_map(stored, left, right, tally.count, definitions[name], around.get(name))
     millisecond_map: MillisecondMap | None = None
-    if milliseconds is not None:
-        with suppress(UnreadableRowsError):
-            stored = np.clip(sequence.rows(MS_TO_EVENT, 0, milliseconds.rows), -FARTHEST_INDEX, FARTHEST_INDEX)
-            none_before = np.zeros(milliseconds.rows, np.int64)
-            left, right = (counts.get(MS_TO_EVENT, none_before) for counts in (tally.left, tally.right))
-            millisecond_map = MillisecondMap(IndexMap(stored, left, right), zero_ns)
+    for name, stored in stored_maps.items():
+        none_before = np.zeros(len(instants_ns[name]), np.int64)
+        left, right = tally.left.get(name, none_before), tally.right.get(name, none_before)
+        pointed_ns = pointed[name].times_ns if name in pointed else None
+        if name == MS_TO_EVENT:
+            millisecond_map = MillisecondMap(IndexMap(stored, left, right, pointed_ns=pointed_ns), zero_ns)
+        else:
+            of_frames = _index_map(stored, left, right, tally.count, definitions[name], around.get(name))
+            index_maps[name] = replace(of_frames, pointed_ns=pointed_ns)
     origin_ns = sequence.origin_ns
     facts = Facts(
         layout=sequence.layout,
@@ -355,6 +367,17 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
     )
     runs, cell_ns = _runs(facts, tally, cell_ns)
     return Scan(facts, runs, cell_ns, np.asarray(tally.block_first_ns, dtype=np.int64))
+
+
+def _stored_maps(sequence: SequenceRows, names: Iterable[str]) -> dict[str, Int64]:
+    """Return the entries of the maps that can be read, by name."""
+    entries: dict[str, Int64] = {}
+    for name in names:
+        key = name if name == MS_TO_EVENT else f"metadata/{name}"
+        with suppress(UnreadableRowsError):
+            stored = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
+            entries[name] = np.clip(stored, -FARTHEST_INDEX, FARTHEST_INDEX)
+    return entries
 
 
 def definition_of_map(sequence: SequenceRows, name: str) -> str:

@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from fedora_qa.layout.conversions import Conversion, MapDefinition
 from fedora_qa.sequence.declared import Declared
-from fedora_qa.sequence.facts import IndexMap
+from fedora_qa.sequence.facts import NEVER_NS, IndexMap
 from tests.support.memory_sequence import MemorySequence, facts_of
 
 TIMES = st.lists(st.integers(0, 30), min_size=1, max_size=20).map(sorted)
 
 
-def read(entries: list[int], frames: list[int], events: list[int], definition: MapDefinition) -> IndexMap:
-    """The map as it is read from a sequence of which the dialect states the definition."""
+def read(entries: list[int], frames: list[int], events: list[int], definition: MapDefinition | None) -> IndexMap:
+    """The map as it is read from a sequence of which the dialect states the definition, or that of the layout."""
     count = len(events)
     arrays = {
         "path/rgb": np.zeros((len(frames), 2, 2, 3), np.uint8),
@@ -28,7 +28,8 @@ def read(entries: list[int], frames: list[int], events: list[int], definition: M
     sequence = MemorySequence(arrays, Declared())
     key = "metadata/rgb_to_event"
     bindings = {**sequence.layout.bindings}
-    bindings[key] = replace(bindings[key], conversion=Conversion(definition))
+    if definition is not None:
+        bindings[key] = replace(bindings[key], conversion=Conversion(definition))
     sequence.layout = replace(sequence.layout, bindings=bindings)
     return facts_of(sequence).index_maps["rgb_to_event"]
 
@@ -64,3 +65,18 @@ def test_nearest_of_no_event(entry: int) -> None:
     """An entry outside of the events is wrong."""
     index_map = read([entry], [5], [1, 4, 9], "nearest_event")
     assert index_map.stored[0] != index_map.expected_left[0]
+
+
+@given(TIMES, TIMES, st.data())
+def test_entries_have_the_timestamps_of_the_events_that_they_point_to(
+    frames: list[int], events: list[int], data: st.DataObject
+) -> None:
+    """Those of the event itself and of the one before it; none beyond either end, and none by another definition."""
+    entries = [data.draw(st.integers(-3, len(events) + 3)) for _ in frames]
+    pointed_ns = read(entries, frames, events, None).pointed_ns
+    assert pointed_ns is not None
+    for (before_ns, at_ns), entry in zip(pointed_ns.tolist(), entries, strict=True):
+        for time_ns, row, beyond_ns in ((before_ns, entry - 1, -NEVER_NS), (at_ns, entry, NEVER_NS)):
+            is_event = 0 <= row < len(events)
+            assert time_ns == (events[row] if is_event else beyond_ns)
+    assert read(entries, frames, events, "event_after").pointed_ns is None

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Observation
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.estimators.fitting.robust import NORMAL_QUARTILE
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.facts import Facts, IndexMap, has_place
+from fedora_qa.sequence.facts import NEVER_NS, Facts, IndexMap, has_place
 from fedora_qa.views.clock_resets import clock_reset
 
 Int64 = NDArray[np.int64]
@@ -23,6 +23,9 @@ _MOST: Final = 0.9
 entries is named."""
 
 _NEIGHBOURS: Final = (-2, -1, 1, 2)
+
+_FEWEST_ENTRIES: Final = 3
+"""Least number of entries that state a delay exactly: any delay fits one of them, and many fit two."""
 
 _CLEAR: Final = 0.3
 """Largest ratio of the spread to a shift in time, or to a drift, that is named."""
@@ -201,7 +204,10 @@ def map_observation(
     features: list[Feature] = []
     place = ""
     if first is not None:
-        cut = IndexMap(index_map.stored[:length], index_map.expected_left[:length], index_map.expected_right[:length])
+        cut = IndexMap(
+            index_map.stored[:length], index_map.expected_left[:length], index_map.expected_right[:length],
+            pointed_ns=None if index_map.pointed_ns is None else index_map.pointed_ns[:length],
+        )  # fmt: skip
         other = None if other_expected is None or len(other_expected) < length else other_expected[:length]
         text, rule = _rule_of(_StoredMap(cut, times_ns[:length], events.count, wrong, other), words.noun)
         left = cut.expected_left
@@ -274,11 +280,15 @@ def _rule_of(stored_map: _StoredMap, noun: str) -> tuple[str, MapRule]:
 
 
 def _rule_in_time(stored_map: _StoredMap) -> tuple[str, MapRule] | None:
-    """Fit the delay of events that would explain the entries: their deviation over the local event rate.
+    """Fit the delay of events that would explain the entries.
 
-    If the timestamps of events were delayed by d after the map was made, an entry exceeds the count by rate * d. A
-    delay that grows with time is a clock of another rate.
+    A delay, or a rate of their clock, that reproduces entries exactly is preferred. Otherwise the delay is the
+    deviation of the entries over the local event rate: if the timestamps of events were delayed by d after the map was
+    made, an entry exceeds the count by rate * d. A delay that grows with time is a clock of another rate.
     """
+    exact = _exact_rule(stored_map)
+    if exact is not None:
+        return _in_words(exact), exact
     wrong = stored_map.wrong
     times_s = stored_map.frame_times_ns / NS_PER_S
     # Local event rates need three frames in the order of time.
@@ -295,15 +305,71 @@ def _rule_in_time(stored_map: _StoredMap) -> tuple[str, MapRule] | None:
         return None
     delay_ms, spread_ms = _median_and_spread(shifts_ms)
     if spread_ms < _CLEAR * abs(delay_ms):
-        text = f"they fit events that are {delay_ms:+.4g} ms late"
-        return text, MapRule("delayed_events", delay_ms, spread_ms / np.sqrt(len(shifts_ms)))
+        rule = MapRule("delayed_events", delay_ms, spread_ms / np.sqrt(len(shifts_ms)))
+        return _in_words(rule), rule
     # A drift grows from the first frame on; 1 ms a second is 1000 ppm.
     elapsed_s = times_s - stored_map.frame_times_ns[0] / NS_PER_S
     ppm, spread_ppm = _median_and_spread(1e3 * shifts_ms[elapsed_s > 0] / elapsed_s[elapsed_s > 0])
     if spread_ppm < _CLEAR * abs(ppm):
-        text = f"they fit an event clock that runs {ppm:+.4g} ppm fast"
-        return text, MapRule("drifting_events", ppm, spread_ppm / np.sqrt(len(shifts_ms)))
+        rule = MapRule("drifting_events", ppm, spread_ppm / np.sqrt(len(shifts_ms)))
+        return _in_words(rule), rule
     return None
+
+
+def _in_words(rule: MapRule) -> str:
+    """Return a rule in time in words."""
+    if rule.rule == "delayed_events":
+        return f"they fit events that are {rule.size:+.4g} ms late"
+    return f"they fit an event clock that runs {rule.size:+.4g} ppm fast"
+
+
+def _exact_rule(stored_map: _StoredMap) -> MapRule | None:
+    """Return the delay of events, or the rate of their clock, with which most wrong entries are right; None without.
+
+    With events that are late by d, the entry s of a frame at the time f is right where
+    ``t[s - 1] - d < f <= t[s] - d``, so that d lies from ``t[s - 1] - f`` to ``t[s] - f``. A clock that is fast by the
+    rate r is late by ``r (f - f[0])``.
+    """
+    pointed_ns = stored_map.index_map.pointed_ns
+    if pointed_ns is None:
+        return None
+    intervals_ns = pointed_ns[stored_map.wrong] - stored_map.frame_times_ns[stored_map.wrong, np.newaxis]
+    # Where a frame is before or after all events, any larger delay does.
+    bounded = np.all(np.abs(pointed_ns[stored_map.wrong]) < NEVER_NS, axis=1)
+    if np.count_nonzero(bounded) < _FEWEST_ENTRIES:
+        return None
+    common = _most_common(intervals_ns.astype(np.float64))
+    if common is not None:
+        low_ns, high_ns = common
+        # Timestamps are whole microseconds: so is a delay, where there is room for one.
+        middle_ns = (low_ns + high_ns) / 2
+        whole_us_ns = NS_PER_US * np.ceil(middle_ns / NS_PER_US)
+        delay_ns = whole_us_ns if low_ns < whole_us_ns <= high_ns else middle_ns
+        return MapRule("delayed_events", float(delay_ns / NS_PER_MS), _of_uniform(low_ns, high_ns) / NS_PER_MS)
+    elapsed_ns = (stored_map.frame_times_ns - stored_map.frame_times_ns[0])[stored_map.wrong]
+    later = elapsed_ns > 0
+    common = _most_common(1e6 * intervals_ns[later] / elapsed_ns[later, np.newaxis])
+    if common is None:
+        return None
+    return MapRule("drifting_events", sum(common) / 2, _of_uniform(*common))
+
+
+def _most_common(intervals: Float64) -> tuple[float, float] | None:
+    """Return the ends of what most of n intervals (n, 2) have in common; None where fewer than ``_MOST`` have any."""
+    # An interval opens above its lower end: of equal ends those at which another closes come first.
+    ends, opens = intervals.ravel(), np.tile([1, -1], len(intervals))
+    order = np.lexsort((opens, ends))
+    depth = np.cumsum(opens[order])
+    deepest = int(np.argmax(depth)) if len(depth) else 0
+    if len(intervals) < _FEWEST_ENTRIES or depth[deepest] < _MOST * len(intervals):
+        return None
+    low, high = ends[order[deepest : deepest + 2]].tolist()
+    return low, high
+
+
+def _of_uniform(low: float, high: float) -> float:
+    """Return the standard deviation of a uniform distribution over an interval."""
+    return float((high - low) / np.sqrt(12))
 
 
 def _median_and_spread(values: Float64) -> tuple[float, float]:

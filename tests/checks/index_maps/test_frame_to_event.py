@@ -7,17 +7,21 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.index_maps.depth import IndexMapsDepth
+from fedora_qa.checks.index_maps.frame_to_event import MapRule, MapWords, map_observation
 from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
+from fedora_qa.diagnosis.hypothesis import only_feature
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.faults.index_maps import IndexShift
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
-from fedora_qa.sequence.facts import Facts, clock_of
+from fedora_qa.sequence.facts import NEVER_NS, Facts, IndexMap, clock_of
 from tests.support.checked import diagnoses_of, run_check
 from tests.support.facts import exact_facts, with_map
 from tests.support.handmade import write_handmade
@@ -26,6 +30,7 @@ CLEAN = exact_facts()
 LEFT = CLEAN.index_maps["rgb_to_event"].expected_left
 RIGHT = CLEAN.index_maps["rgb_to_event"].expected_right
 EVENTS_PER_MS = 1000
+FRAMES_US = np.arange(0, 1_000_001, 20_000)
 CHECKS = {"rgb_to_event": IndexMapsRgb(), "depth_to_event": IndexMapsDepth()}
 
 
@@ -191,3 +196,56 @@ def test_maps_of_no_frame_are_not_judged() -> None:
     empty = np.empty(0, np.int64)
     facts = replace(CLEAN, index_maps={"rgb_to_event": replace(CLEAN.index_maps["rgb_to_event"], stored=empty)})
     assert judged("rgb_to_event", facts).result.outcome == "not_observable"
+
+
+@given(seed=st.integers(0, 1000), count=st.integers(200, 5000), delay_us=st.integers(3_000, 15_000))
+def test_a_delay_after_the_map_was_made_is_exact_to_the_gaps_between_events(
+    seed: int, count: int, delay_us: int
+) -> None:
+    """Undoing the stated delay makes the entries right again, and the stated error covers the true delay."""
+    written_us = np.sort(np.random.default_rng(seed).choice(1_000_000, count, replace=False))
+    rule = rule_of(stored_map(np.searchsorted(written_us, FRAMES_US), written_us + delay_us))
+    assert rule.rule == "delayed_events"
+    assert rule.size is not None
+    assert rule.standard_error is not None
+    # No value of a uniform distribution is farther than sqrt(3) standard deviations; the nearest whole us may be.
+    assert abs(1e3 * rule.size - delay_us) <= 2 * np.sqrt(3) * 1e3 * rule.standard_error
+    undone_us = written_us + delay_us - 1e3 * rule.size
+    assert np.mean(np.searchsorted(undone_us, FRAMES_US - 1e-6) == np.searchsorted(written_us, FRAMES_US)) >= 0.9
+
+
+@pytest.mark.parametrize("ppm", [3_000.0, 25_300.0])
+def test_a_rate_after_the_map_was_made_is_exact(ppm: float) -> None:
+    """The stated error, of gaps of 1 ms within 1 s, covers the true rate."""
+    written_us = np.arange(0, 1_000_000, 1_000) + 7
+    fast_us = np.rint(written_us * (1 + 1e-6 * ppm)).astype(np.int64)
+    rule = rule_of(stored_map(np.searchsorted(written_us, FRAMES_US), fast_us))
+    assert rule.rule == "drifting_events"
+    assert rule.size is not None
+    assert rule.standard_error is not None
+    assert abs(rule.size - ppm) <= np.sqrt(3) * rule.standard_error < 1_000.0
+
+
+def test_two_entries_state_no_delay() -> None:
+    """Any delay fits one entry, and many fit two."""
+    frames_us, written_us = np.array([500_000, 990_000]), (np.arange(1000) ** 2) // 2
+    index_map = stored_map(np.searchsorted(written_us, frames_us), written_us + 30_000, frames_us)
+    assert rule_of(index_map, frames_us).rule == "none"
+
+
+def stored_map(stored: np.ndarray, events_us: np.ndarray, frames_us: np.ndarray = FRAMES_US) -> IndexMap:
+    """Return a map with the events that its entries point to."""
+    around_ns = np.concatenate([[-NEVER_NS], 1000 * events_us, [NEVER_NS]])
+    return IndexMap(
+        stored,
+        np.searchsorted(events_us, frames_us, "left"),
+        np.searchsorted(events_us, frames_us, "right"),
+        pointed_ns=np.stack([around_ns[stored], around_ns[stored + 1]], axis=1),
+    )
+
+
+def rule_of(index_map: IndexMap, frames_us: np.ndarray = FRAMES_US) -> MapRule:
+    """Return the rule that a map's wrong entries follow."""
+    words = MapWords("index_maps.rgb", "rgb_to_event", "rgb", "frame")
+    observation = map_observation(CLEAN, index_map, 1000 * frames_us, words)
+    return only_feature(observation.measurements[0].features, MapRule)
