@@ -5,7 +5,7 @@ How often diagnoses of each status were right is read from what ``make power`` m
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -48,6 +48,11 @@ wrong scale depths by less."""
 _LEFT_BY_FIT: Final = 0.02
 """Largest part of a deviation that a fitted factor leaves where it is the cause: its fit has an error. The value is not
 derived."""
+
+_ARM_OF_POSES: Final = ("lever_arm", "pose")
+_ARM_OF_IMU: Final = ("lever_arm", "imu")
+_OF_IMU: Final = "imu."
+"""Beginning of the names and codes of checks of the IMU."""
 
 _OF_TIMESTAMPS: Final = ("clocks.", "index_maps.")
 """Beginnings of the codes of findings about timestamps and what is computed of them alone."""
@@ -330,6 +335,8 @@ def status_of(
         r for r in rivals if (r.cause, stream_family(r.stream)) != (candidate.cause, stream_family(candidate.stream))
     ]
     tested = [trials[rival.key] for rival in others if rival.key in trials]
+    if _ARM_OF_POSES in trials and any(rival.key == _ARM_OF_IMU for rival in others):
+        tested.append(_of_arm_of_imu(trials[_ARM_OF_POSES], codes))
     alike = [other for other in tested if other.clears_as_much_as(trial)]
     undecided = any(
         not _is_decided(rival, trial.cleared_alone or trial.cleared, trials)
@@ -346,6 +353,19 @@ def status_of(
     removed = len(trial.cleared) + sum(max(1.0 - abs(trial.left[finding]), 0.0) for finding in left)
     mostly = removed >= _MOSTLY * (len(trial.cleared) + len(left) + len(trial.caused))
     return ("supported" if mostly else "suggested"), alike
+
+
+def _of_arm_of_imu(trial: UndoTrial, codes: Mapping[str, str]) -> UndoTrial:
+    """Return a trial of the lever arm of the poses as one of the IMU: what other streams state of it stays as it was.
+
+    The arm of the IMU has no inverse. Between IMU and poses it is that of the poses.
+    """
+    cleared = frozenset(finding for finding in trial.cleared if codes[finding].startswith(_OF_IMU))
+    of_others = {finding: 1.0 for finding in (trial.cleared | trial.left.keys()) - cleared}
+    left = {finding: ratio for finding, ratio in trial.left.items() if codes[finding].startswith(_OF_IMU)}
+    caused = tuple(code for code in trial.caused if code.startswith(_OF_IMU))
+    crashed = tuple(check for check in trial.crashed if check.startswith(_OF_IMU))
+    return replace(trial, cleared=cleared, left={**of_others, **left}, caused=caused, crashed=crashed)
 
 
 def _is_decided(rival: CauseCandidate, cleared: Collection[str], trials: Trials) -> bool:
