@@ -361,7 +361,7 @@ def _of_arm_of_imu(trial: UndoTrial, codes: Mapping[str, str]) -> UndoTrial:
     The arm of the IMU has no inverse. Between IMU and poses it is that of the poses.
     """
     cleared = frozenset(finding for finding in trial.cleared if codes[finding].startswith(_OF_IMU))
-    of_others = {finding: 1.0 for finding in (trial.cleared | trial.left.keys()) - cleared}
+    of_others = dict.fromkeys((trial.cleared | trial.left.keys()) - cleared, 1.0)
     left = {finding: ratio for finding, ratio in trial.left.items() if codes[finding].startswith(_OF_IMU)}
     caused = tuple(code for code in trial.caused if code.startswith(_OF_IMU))
     crashed = tuple(check for check in trial.crashed if check.startswith(_OF_IMU))

@@ -11,6 +11,7 @@ from fedora_qa.checks.event_response.alignment import CameraErrorFits
 from fedora_qa.diagnosis.declared_cameras import (
     centres_from_middle,
     film_focal_lengths,
+    mounting_units,
     odd_centres,
     odd_mounting,
     opposite_focal_lengths,
@@ -104,6 +105,15 @@ def mounting(fit: FittedCause) -> Faults:
     for camera in _suspected_cameras(fit):
         for rotation_deg in ((pitch, yaw, roll),) if _has_that_size((pitch, yaw, roll), fit.size) else about_axes:
             yield mountings.MountingRotation(fit.stream, rotation_deg, camera)
+
+
+def mounting_lever_arm(fit: FittedCause) -> Faults:
+    """Yield displacements of the cameras on the body: other units of it, and the one that flow fits to its motion."""
+    yield from mounting_units(fit.facts)
+    if arm := fitted_vector(fit):
+        forward_m, left_m, up_m = arm
+        for camera in _suspected_cameras(fit):
+            yield mountings.MountingLeverArm((forward_m, left_m, up_m), camera)
 
 
 def _turned_mountings(fit: FittedCause) -> Iterator[Vector3]:

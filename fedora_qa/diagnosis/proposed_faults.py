@@ -21,7 +21,13 @@ from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.flow import CAUSES_OF_TRANSFORM, fractions_of_px
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, frames_lost_before, measured, rgb_px_per_event_px
-from fedora_qa.diagnosis.proposed_camera_faults import fitted_vector, focal_length, mounting, principal_point
+from fedora_qa.diagnosis.proposed_camera_faults import (
+    fitted_vector,
+    focal_length,
+    mounting,
+    mounting_lever_arm,
+    principal_point,
+)
 from fedora_qa.diagnosis.proposed_motion_faults import (
     accel_bias,
     angle_unit,
@@ -328,6 +334,10 @@ def _measured_shifts(fit: FittedCause) -> Iterator[pixels.PixelShift]:
         yield pixels.PixelShift(fit.stream, right_px, down_px)
 
 
+def _lever_arm(fit: FittedCause) -> Faults:
+    yield from mounting_lever_arm(fit) if fit.stream == "metadata" else lever_arm(fit)
+
+
 def _thresholds(fit: FittedCause) -> Faults:
     result = fit.results.get("event_response.threshold")
     # Measured: 100 (fitted / declared - 1). The cause: declared over true, less 1.
@@ -491,7 +501,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "gyro_bias": gyro_bias,
         "accel_bias": accel_bias,
         "teleport": displaced_positions,
-        "lever_arm": lever_arm,
+        "lever_arm": _lever_arm,
         "channel_order": _channel_order,
         "exposure_or_gamma": _curves,
         "vignetting": lambda fit: iter([images.Vignetting(fit.size)]),

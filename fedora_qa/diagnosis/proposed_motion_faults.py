@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.pose.continuity import DisplacedPositions
 from fedora_qa.conventions import NS_PER_US, SAME_AXES
-from fedora_qa.diagnosis.declared_cameras import mounting_units
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.imu import HALF_TURN
 from fedora_qa.diagnosis.measured_sizes import vector
@@ -205,10 +204,7 @@ def displaced_positions(fit: FittedCause) -> Faults:
 
 
 def lever_arm(fit: FittedCause) -> Faults:
-    """Yield displacements of poses, of the IMU or of cameras in the body."""
+    """Yield the displacement of the poses in the body, of which that of the IMU is measured to be the opposite."""
     arm = vector("lever", fit.results.get("imu.translation"))
     if fit.stream == "pose" and arm:
-        # The arm of the IMU from the point of the poses is measured: that of the point of the poses is its opposite.
         yield motion.PoseLeverArm((-arm[0], -arm[1], -arm[2]))
-    if fit.stream == "metadata":
-        yield from mounting_units(fit.facts)

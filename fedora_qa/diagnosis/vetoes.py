@@ -121,6 +121,10 @@ _SAME_OFFSET: Final = 0.1
 """Largest relative difference of an offset of flow from the one on which its rates agree. The value is not derived:
 motion that does not change evenly curves the template of time, and three rates of a file with 54 ms stated 52 to 55."""
 
+_SAME_ARM: Final = 0.02
+"""Largest relative difference of two lengths of one lever arm, of which flow and the IMU state one each. The value is
+not derived: the fit of flow has an error, and of an arm that is none the length is that of its noise."""
+
 _CORRELATED_FROM: Final = 3.1
 """Standard errors of a positive correlation by which an unrelated stream exceeds 0 with a probability of 0.001."""
 
@@ -249,8 +253,9 @@ def contradicts(
     is_within_reach = is_unsized and _events_follow(results)
     of_frames = cause == "time_offset" and family in ("events", "rgb")
     is_rounding = of_frames and _is_rounding_of_frames(magnitude, results)
+    is_no_arm = cause == "lever_arm" and _contradicts_arm(family, magnitude, results)
     is_no_threshold = cause == "threshold_misdeclared" and _changes_sign(results.get("event_response.threshold"))
-    if is_off_grid or is_of_another_body or is_within_reach or is_rounding or is_no_threshold:
+    if is_off_grid or is_of_another_body or is_within_reach or is_rounding or is_no_threshold or is_no_arm:
         return True
     # A gain that was measured of single frames changes the whole by less.
     if (cause, family) in _IN_ORDER and (cause != "exposure_or_gamma" or magnitude is None):
@@ -347,6 +352,23 @@ def is_flow_of_a_part(alarms: Sequence[Alarm]) -> bool:
     explain = {key for key, removed in shares.items() if np.mean(removed) > _EXACT}
     # A gain may be the factor of a unit in one rate: what else explains a rate explains it.
     return ("", "parts_of_motion") in explain and {transform for _, transform in explain} == {"parts_of_motion"}
+
+
+def _contradicts_arm(family: str, magnitude_m: float | None, results: Results) -> bool:
+    """Whether the arm that is measured between the IMU and the poses contradicts a lever arm.
+
+    One that flow or depth state is of the cameras where it is longer than that arm can be, and of the poses where it
+    has the length of that arm.
+    """
+    result = results.get("imu.translation")
+    axes = [measured(result, f"lever_{axis}") for axis in "xyz"]
+    limits_m = [axis.limit for axis in axes if axis is not None and axis.limit is not None]
+    if not magnitude_m or len(limits_m) < len(axes):
+        return False
+    arm_m = [deviation(result, f"lever_{axis}") for axis in "xyz"]
+    if family in _OF_MOTION:
+        return abs(magnitude_m) > hypot(*(abs(part) + limit for part, limit in zip(arm_m, limits_m, strict=True)))
+    return family == "metadata" and abs(hypot(*arm_m) - abs(magnitude_m)) < _SAME_ARM * abs(magnitude_m)
 
 
 def _largest_jump_that_passes(measurement: Measurement) -> float:

@@ -63,9 +63,12 @@ class MountingLeverArm:
     ----------
     arm_body_m
         Declared less correct position.
+    camera
+        The declared camera; None: all of them.
     """
 
     arm_body_m: Vector3
+    camera: str | None = None
     cause: ClassVar[str] = "lever_arm"
     stream: ClassVar[str] = "metadata"
 
@@ -76,13 +79,17 @@ class MountingLeverArm:
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Add the displacement."""
-        description = f"cameras are declared {abs(self.magnitude):.3g} m from their place"
-        return planted(facts, sequence, self.stream, description, self._by(1))
+        description = f"{self._cameras} declared {abs(self.magnitude):.3g} m from the place"
+        return planted(facts, sequence, self.stream, description, self._by(1), self.camera)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Subtract the displacement."""
-        description = f"cameras back by {abs(self.magnitude):.3g} m"
-        return removed(facts, sequence, self.stream, description, self._by(1), self._by(-1))
+        description = f"{self._cameras} back by {abs(self.magnitude):.3g} m"
+        return removed(facts, sequence, self.stream, description, self._by(1), self._by(-1), self.camera)
+
+    @property
+    def _cameras(self) -> str:
+        return f"the camera of {self.camera}" if self.camera else "cameras"
 
     def _by(self, sign: int) -> Change:
         shift = np.zeros((4, 4))
