@@ -279,6 +279,24 @@ def test_rivals_that_clear_alike_are_all_named() -> None:
     assert [(d.cause, d.status, len(d.tried)) for d in found] == [("spatial_offset", "supported", 2)]
 
 
+@pytest.mark.parametrize(
+    ("code", "left", "status"),
+    [
+        ("imu.translation.lever", {}, "supported"),
+        ("imu.translation.lever", {"F1": 0.9}, "confirmed"),
+        ("flow_geometry.endpoint.error", {}, "confirmed"),
+    ],
+)
+def test_the_arm_of_the_imu_is_tried_as_that_of_the_poses(code: str, left: dict[str, float], status: str) -> None:
+    """Undoing the arm of the poses clears what the IMU states, or leaves it; what flow states is of the poses alone."""
+    arm = Hypothesis("lever_arm", "imu", 0.9, 0.1, "m")
+    findings = [alarm(1, Hypothesis("gravity_magnitude", "imu", 0.95, 0.1, "m/s^2"), arm, code=code)]
+    of_poses = tried(*({"F1"} - left.keys()), left=left, caused=("flow_geometry.endpoint.error",))
+    trials = {("gravity_magnitude", "imu"): tried("F1"), ("lever_arm", "pose"): of_poses}
+    (diagnosis,) = diagnosed(findings, trials)
+    assert (diagnosis.cause, diagnosis.status) == ("gravity_magnitude", status)
+
+
 def test_a_clock_out_of_place_is_the_odd_stream() -> None:
     """Of two clocks whose offset clears alike, that which leaves the grid of all others is late."""
     events, rgb = LATE, Hypothesis("time_offset", "rgb", 0.4, -2.0, "ms", 0.1)

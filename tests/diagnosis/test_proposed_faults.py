@@ -21,7 +21,7 @@ from fedora_qa.faults.fault import is_of_part
 from fedora_qa.faults.images import RayLength
 from fedora_qa.faults.intrinsics import FocalLength, PrincipalPointShift
 from fedora_qa.faults.motion import AngleSense, QuaternionOrder
-from fedora_qa.faults.mountings import MountingRotation
+from fedora_qa.faults.mountings import MountingLeverArm, MountingRotation
 from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.row_order import DelayedFrames
 from fedora_qa.faults.table import faults_of
@@ -144,6 +144,37 @@ def test_a_fault_of_depth_is_undone_between_the_pairs_that_deviate(
     delayed = [DelayedFrames(-2, -2 * period_ms, rows) for rows in of_part]
     assert undone("time_offset", -2.01 * period_ms) == delayed
     assert not undone("time_offset", -1.5 * period_ms)
+
+
+@pytest.mark.parametrize(("fitted", "exact"), [(0.3034, 0.3048), (994.2, 1000.0), (0.0995, 0.1)])
+def test_a_ratio_of_units_is_exact(fitted: float, exact: float) -> None:
+    """The ratio is undone first, then the one that was fitted."""
+    for stream in ("depth", "pose"):
+        faults = list(faults_for("unit_mm_m", stream, fitted, (), {}, facts_of(memory_sequence())))
+        assert faults == [LengthUnit(stream, exact), LengthUnit(stream, fitted)]
+
+
+@pytest.mark.parametrize(
+    ("farthest_m", "error", "undone"), [(120.0, 0.1, 4.0), (120.0, 0.001, 3.95), (60.0, 0.1, 3.95)]
+)
+def test_a_factor_leaves_depths_in_their_range(farthest_m: float, error: float, undone: float) -> None:
+    """Of the factors within three errors of the fitted one that with which the farthest depth is 30 m at most."""
+    scale = Measurement("scale", 3.95, "1", error, 1.0, 0.2, 0.3)
+    farthest = Measurement("farthest", farthest_m, "m", 0.0, 30.0, 0.0, 0.0, side="upper")
+    results = {
+        "depth.scale": Result("depth.scale", "failed", "off", measurements=(scale,)),
+        "depth.range": Result("depth.range", "failed", "off", measurements=(farthest,)),
+    }
+    (fault,) = faults_for("unit_mm_m", "depth", 3.9, (), results, facts_of(memory_sequence()))
+    assert fault == LengthUnit("depth", undone)
+
+
+def test_the_place_of_the_camera_that_flow_fits_is_undone() -> None:
+    """Flow of a camera 3 mm forward and 4 mm left of its declared place: the depth camera is tried before all."""
+    fit = FlowParameterFit("lever_arm", 0.005, "m", 1e-5, 0.9, (0.003, 0.004, 0.0))
+    alarms = [alarm("flow_geometry.endpoint.error", fit)]
+    faults = list(faults_for("lever_arm", "metadata", 0.005, alarms, {}, facts_of(memory_sequence())))
+    assert faults == [MountingLeverArm((0.003, 0.004, 0.0), camera) for camera in ("depth", None)]
 
 
 def test_factors_of_both_axes_are_undone_first() -> None:

@@ -30,6 +30,28 @@ def test_jumps_that_fail_contradict_no_teleport() -> None:
     assert not contradicts("teleport", "pose", 1e-3, results, {})
 
 
+@pytest.mark.parametrize(
+    ("stream", "length_m", "is_contradicted"),
+    [
+        ("pose", 0.006, True),
+        ("imu", 0.006, True),
+        ("metadata", 0.006, False),
+        ("pose", 0.0005, False),
+        ("metadata", 0.0005, True),
+        ("metadata", 0.0006, False),
+    ],
+)
+def test_the_arm_of_the_imu_decides_between_poses_and_cameras(
+    stream: str, length_m: float, is_contradicted: bool
+) -> None:
+    """An arm of (0.3, -0.4, 0) mm with limits of 1 mm: 6 mm are of the cameras, and 0.5 mm of the poses."""
+    arm_m = {"x": 3e-4, "y": -4e-4, "z": 0.0}
+    measurements = tuple(Measurement(f"lever_{k}", part, "m", 1e-6, 0.0, 1e-3, 2e-3) for k, part in arm_m.items())
+    results = {"imu.translation": Result("imu.translation", "passed", "in order", measurements=measurements)}
+    assert contradicts("lever_arm", stream, length_m, results, {}) == is_contradicted
+    assert not contradicts("lever_arm", stream, length_m, {}, {})
+
+
 @pytest.mark.parametrize("stream", ["depth", "pose"])
 def test_depths_that_agree_with_the_path_have_its_unit(stream: str) -> None:
     """In their declared range; where any of the three checks does not pass, a unit may be wrong."""

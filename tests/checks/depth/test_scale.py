@@ -8,10 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from fedora_qa.catalogue import hypotheses_of
-from fedora_qa.checks.depth.parameters import PairParameter, pool
+from fedora_qa.checks.depth.parameters import PairParameter, ResidualReduction, pool
 from fedora_qa.checks.depth.scale import DepthScale
+from fedora_qa.diagnosis.hypothesis import only_feature
 from fedora_qa.sequence.stored_step import StoredStep
-from tests.support.depth_world import clean, first_hypothesis, value, with_depth
+from tests.support.depth_world import clean, first_hypothesis, noisy, value, with_depth
 from tests.support.flow_world import judged
 
 Depths = NDArray[Any]
@@ -47,13 +48,45 @@ def test_plausible_depths_leave_it_to_the_positions(factor: float) -> None:
 def test_pairs_that_scatter_excuse_a_deviation_only_where_the_noise_is_unknown() -> None:
     """The error of the mean is that of declared noise, whatever the scatter; the scatter, if none is declared."""
     values = (0.9, 1.3, 0.8, 1.4)
-    pairs = [PairParameter(k, k + 1, 100, value, 0.01, 0.0, 1.0, 0.5, True, 1.0) for k, value in enumerate(values)]
+    pairs = [pair(k, value=value) for k, value in enumerate(values)]
     declared, undeclared = pool(pairs, known_noise=True), pool(pairs, known_noise=False)
     assert declared is not None
     assert undeclared is not None
     assert declared.value == undeclared.value
     assert declared.standard_error == pytest.approx(0.01 / 2, rel=0.05)
     assert undeclared.standard_error == pytest.approx(np.std(values, ddof=1) / 2, rel=0.05)
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.3048])
+def test_noise_of_the_poses_does_not_make_up_for_a_unit(factor: float) -> None:
+    """Corrections of the poses let the frames agree as declared: the factor is fitted without them, and explains them.
+
+    Before it was, pairs that agreed so had a factor of 1, or none.
+    """
+    depths = with_depth(lambda depth: depth * factor, noisy())
+    (scale,) = judged(DepthScale(), depths).alarms
+    deviation = scale.statistic.value - factor
+    assert abs(deviation) < 4 * scale.statistic.standard_error
+    assert abs(factor - 1) > 4 * scale.statistic.standard_error
+    assert only_feature(scale.statistic.features, ResidualReduction).share > 0.5
+
+
+def test_corrections_count_where_they_exceed_their_noise() -> None:
+    """Ten pairs of six directions: chi squared of 60 is expected, and 60 + 3 sqrt(120) = 93 is still noise."""
+    for of_pair, share in ((6.0, 0.0), (9.2, 0.0), (9.4, 1.0)):
+        pairs = [pair(k, declared=of_pair, fitted=6.0) for k in range(10)]
+        pooled = pool(pairs, known_noise=True)
+        assert pooled is not None
+        assert pooled.residual_reduction == pytest.approx(share)
+    half = pool([pair(k, declared=22.0, fitted=10.0) for k in range(10)], known_noise=True)
+    assert half is not None
+    # The excess of 16 falls to 4: the corrections are half as long.
+    assert half.residual_reduction == pytest.approx(0.5)
+
+
+def pair(number: int, value: float = 1.0, declared: float = 0.0, fitted: float = 0.0) -> PairParameter:
+    """Return a pair of frames without residuals, with chi squared of its correction as declared and after the fit."""
+    return PairParameter(number, number + 1, 100, value, 0.01, 0.0, 0.0, 0.0, declared, fitted, 6.0, True, 1.0)
 
 
 def test_shifted_depth_does_not_raise_the_limit() -> None:
