@@ -7,7 +7,7 @@ from typing import Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
-from fedora_qa.diagnosis.proposed_faults import is_length_unit
+from fedora_qa.diagnosis.length_units import is_length_unit
 
 UNKNOWN: Final = "unknown"
 """Name of the cause of a finding without a hypothesis."""

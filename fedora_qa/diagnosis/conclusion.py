@@ -15,7 +15,8 @@ from fedora_qa.checks.protocol import Observation
 from fedora_qa.diagnosis.candidates import FITS, CauseCandidate
 from fedora_qa.diagnosis.clock_units import checks_that_compare, is_known_unit
 from fedora_qa.diagnosis.direct import check_of_code, clears_by_construction, is_declared, is_direct, is_local
-from fedora_qa.diagnosis.proposed_faults import is_length_unit, is_testable
+from fedora_qa.diagnosis.length_units import is_length_unit
+from fedora_qa.diagnosis.proposed_faults import is_testable
 from fedora_qa.faults.fault import ReversibleFault, is_of_part
 from fedora_qa.record.types import DiagnosisStatus
 

@@ -172,7 +172,7 @@ def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     if alarm.finding.code == "imu.noise.frozen":
         return (Hypothesis("frozen_frames", "imu", support("imu.repeats_counted"), alarm.statistic.value, "samples"),)
     # A gyro written in deg/s has 180 / pi = 57.3 times its noise in rad/s.
-    units = {"unit_deg_rad": degrees(1.0)} if alarm.finding.code == "imu.noise.gyro" else {}
+    units = [("unit_deg_rad", degrees(1.0))] if alarm.finding.code == "imu.noise.gyro" else []
     return noise_hypotheses(alarm, "imu", units)
 
 

@@ -1,6 +1,6 @@
 """Hypotheses for alarms of the checks of poses, and those that IMU and poses share: defects, noise, axes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from math import sqrt
 
 import numpy as np
@@ -9,6 +9,7 @@ from fedora_qa.checks.declared_noise import MeasuredNoise
 from fedora_qa.checks.pose.continuity import PairedSteps, PoseJump, PoseTransform
 from fedora_qa.checks.pose.orientation import RoundedComponents
 from fedora_qa.conventions import MM_PER_M, NS_PER_MS
+from fedora_qa.diagnosis import length_units
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.estimators.imu.conventions import Axes
 from fedora_qa.features import Feature
@@ -67,7 +68,7 @@ def defect_hypotheses(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
     return tuple(hypotheses)
 
 
-def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Mapping[str, float]) -> tuple[Hypothesis, ...]:
+def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Iterable[tuple[str, float]]) -> tuple[Hypothesis, ...]:
     """Return the causes of noise that differs from its declaration.
 
     Parameters
@@ -77,7 +78,7 @@ def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Mapping[str, float]
     stream
         Of the samples, ``imu`` or ``pose``.
     unit_causes
-        Factor by cause, for causes that multiply all values, and so the noise, by the factor.
+        Causes that multiply all values, and so the noise, by a factor, with the factor.
 
     Returns
     -------
@@ -98,7 +99,7 @@ def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Mapping[str, float]
     standard_error = 100.0 * noise.standard_error / noise.sigma / ratio if ratio > 0 else None
     units = (
         Hypothesis(cause, stream, support("motion.noise_of_unit"), factor, "1")
-        for cause, factor in unit_causes.items()
+        for cause, factor in unit_causes
         if abs(ratio / factor - 1.0) < _SAME_FACTOR
     )
     return (
@@ -107,6 +108,11 @@ def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Mapping[str, float]
         Hypothesis("noise_misdeclared", stream, misdeclared, error, "percent", standard_error),
         other_sequence,
     )
+
+
+def _is_apart(ratio: float) -> bool:
+    """Whether noise tells a ratio of units from 1, to which those of yard and metre are too near."""
+    return abs(ratio - 1.0) > _SAME_FACTOR
 
 
 def axes_cause(axes: Axes) -> str:
@@ -189,7 +195,9 @@ def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     Noise of positions may also be due to a lever arm: noise of the orientation moves a point far from the body's
     origin.
     """
-    hypotheses = noise_hypotheses(alarm, "pose", {"unit_mm_m": MM_PER_M})
+    hypotheses = noise_hypotheses(
+        alarm, "pose", [("unit_mm_m", ratio) for ratio in length_units.RATIOS if _is_apart(ratio)]
+    )
     if alarm.finding.code != "pose.noise.position":
         return hypotheses
     noise = only_feature(alarm.statistic.features, MeasuredNoise)

@@ -20,6 +20,7 @@ from fedora_qa.diagnosis.declared_cameras import inverted_mountings, mountings_o
 from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.flow import CAUSES_OF_TRANSFORM, fractions_of_px
+from fedora_qa.diagnosis.length_units import ratio_of_units
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, frames_lost_before, measured, rgb_px_per_event_px
 from fedora_qa.diagnosis.proposed_camera_faults import (
     fitted_vector,
@@ -75,10 +76,6 @@ _MOST_ORDERS: Final = 2
 """Orders of channels that are tried: those towards which the colours lie nearest."""
 
 
-_LENGTH_UNITS: Final = (10.0, 100.0, 1000.0, 0.3048, 0.9144, 1609.344, 1852.0)
-"""Ratios of units of length that occur."""
-
-
 _UNIT_TOLERANCE: Final = 0.02
 """Largest relative difference of a fitted factor from that of a unit: units next to each other differ by more."""
 
@@ -124,17 +121,6 @@ def is_testable(cause: str, stream: str, magnitude: float | None) -> bool:
     """Whether a cause can be undone: its fault has an inverse, and its size was fitted where it needs one."""
     sized = magnitude is not None and isfinite(magnitude) and magnitude != 0
     return cause in _PROPOSALS and bool(faults_of(cause, stream)) and (sized or cause not in _SIZED)
-
-
-def is_length_unit(factor: float) -> bool:
-    """Whether a factor is the ratio of two units of length, within the error of a fit."""
-    return _ratio_of_units(factor) is not None
-
-
-def _ratio_of_units(factor: float) -> float | None:
-    """Return the ratio of two units of length that a fitted factor states; None where it is none."""
-    ratios = (ratio for unit in _LENGTH_UNITS for ratio in (unit, 1 / unit))
-    return next((ratio for ratio in ratios if abs(factor / ratio - 1) <= _UNIT_TOLERANCE), None)
 
 
 def _displaced_part(fit: FittedCause) -> DisplacedSegment | None:
@@ -353,7 +339,7 @@ def _length_unit(fit: FittedCause) -> Faults:
     if fit.stream not in ("depth", "pose"):
         return
     stream: Literal["depth", "pose"] = "depth" if fit.stream == "depth" else "pose"
-    exact = _ratio_of_units(fit.size)
+    exact = ratio_of_units(fit.size)
     if exact is None:
         # No unit: a scale, which is one of all lengths. All pairs of frames measure it better than one field of flow.
         measured_factor = _factor_within_range(fit.results) if stream == "depth" else None

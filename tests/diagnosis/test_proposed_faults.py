@@ -13,7 +13,8 @@ from fedora_qa.checks.images.order import OutOfOrderIntervals
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
-from fedora_qa.diagnosis.proposed_faults import faults_for, is_length_unit, is_testable
+from fedora_qa.diagnosis.length_units import is_length_unit
+from fedora_qa.diagnosis.proposed_faults import faults_for, is_testable
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.clocks import ClockRate, ClockShift
