@@ -92,6 +92,11 @@ class DepthFit:
         """Whether the median residual is within the median of its bounds."""
         return self.typical <= self.typical_bound
 
+    @property
+    def agreeing(self) -> int:
+        """Number of pixels whose residual is within its bound."""
+        return int(np.count_nonzero(np.abs(self.warped.residuals) <= self.warped.bounds))
+
 
 def noise_directions(covariance: Float64) -> Float64:
     """Return the independent directions of the noise of a twist, each one standard deviation long.
