@@ -297,7 +297,7 @@ def _pixel_shift(fit: FittedCause) -> Faults:
     # Images that are shifted further share too little: findings vanish with the pixels that had them.
     within_px = max((max(size) for size in sizes if len(size) > 1), default=inf) / 2
     for shift in _measured_shifts(fit):
-        if max(abs(shift.columns), abs(shift.rows)) <= within_px:
+        if max(abs(shift.columns_px), abs(shift.rows_px)) <= within_px:
             yield shift
 
 

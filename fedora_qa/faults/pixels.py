@@ -148,32 +148,32 @@ class PixelShift:
     ----------
     stream
         ``events``, or of images.
-    columns
-        px, positive: too far to the right.
-    rows
-        px, positive: too far down.
+    columns_px
+        Positive: too far to the right.
+    rows_px
+        Positive: too far down.
     """
 
     stream: str
-    columns: float
-    rows: float = 0
+    columns_px: float
+    rows_px: float = 0
     cause: ClassVar[str] = "spatial_offset"
 
     @property
     def magnitude(self) -> float:
         """Length of the shift, px; negative if its larger part is to the left or up."""
-        return signed_length((self.columns, self.rows))
+        return signed_length((self.columns_px, self.rows_px))
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Shift to the right and down."""
-        description = f"{self.stream} lies {self.columns:g} px too far to the right"
-        description += f", {self.rows:g} px down" * bool(self.rows)
-        return self._moved(facts, self.columns, self.rows, description)
+        description = f"{self.stream} lies {self.columns_px:g} px too far to the right"
+        description += f", {self.rows_px:g} px down" * bool(self.rows_px)
+        return self._moved(facts, self.columns_px, self.rows_px, description)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Shift to the left and up."""
-        description = f"{self.stream} {self.columns:g} px to the left and {self.rows:g} px up"
-        return self._moved(facts, -self.columns, -self.rows, description)
+        description = f"{self.stream} {self.columns_px:g} px to the left and {self.rows_px:g} px up"
+        return self._moved(facts, -self.columns_px, -self.rows_px, description)
 
     def _moved(self, facts: Facts, columns: float, rows: float, description: str) -> Fault:
         if self.stream != "events":

@@ -1,6 +1,11 @@
 """The table of faults knows each cause in each of its streams."""
 
+from typing import get_type_hints
+
 from fedora_qa.causes import CAUSES
+from fedora_qa.faults.clocks import ClockShift
+from fedora_qa.faults.fault import RowRange, is_of_part
+from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.faults.table import FAULTS, WithoutInverse, faults_of
 
 
@@ -30,3 +35,16 @@ def test_a_rate_of_flow_has_the_faults_of_flow() -> None:
     """Streams are looked up by family; a cause without an inverse has no class."""
     assert faults_of("flow_gain", "flow/10hz") == faults_of("flow_gain", "flow") != ()
     assert faults_of("frozen_frames", "rgb") == ()
+
+
+def test_rows_are_those_of_a_part() -> None:
+    """``is_of_part`` reads the field ``rows``: it is a range of rows of a stream, and nothing else."""
+    of_part = 0
+    for entry in FAULTS.values():
+        for fault in () if isinstance(entry, WithoutInverse) else entry:
+            kinds = get_type_hints(fault)
+            of_part += "rows" in kinds
+            assert kinds.get("rows", RowRange) in (RowRange, RowRange | None)
+    assert of_part
+    assert not is_of_part(PixelShift("rgb", 3, 4))
+    assert is_of_part(ClockShift("rgb", 1.0, (3, 4)))
