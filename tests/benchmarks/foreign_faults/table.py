@@ -32,6 +32,7 @@ from tests.benchmarks.foreign_faults.paths import (
 from tests.benchmarks.foreign_faults.pipelines import PIPELINES
 from tests.benchmarks.foreign_faults.poses import ORIENTATION, POSITION
 from tests.benchmarks.foreign_faults.second_round.kinds import SECOND_ROUND
+from tests.benchmarks.foreign_faults.seventh_round.kinds import SEVENTH_ROUND
 from tests.benchmarks.foreign_faults.sixth_round.kinds import SIXTH_ROUND
 from tests.benchmarks.foreign_faults.third_round.kinds import THIRD_ROUND
 
@@ -452,4 +453,5 @@ KINDS: Final = (
     *FOURTH_ROUND,
     *FIFTH_ROUND,
     *SIXTH_ROUND,
+    *SEVENTH_ROUND,
 )
