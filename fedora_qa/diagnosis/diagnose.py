@@ -30,8 +30,8 @@ from fedora_qa.diagnosis.conclusion import (
     status_of,
 )
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
-from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.measured_sizes import Results
+from fedora_qa.diagnosis.hypothesis import Hypothesis, support
+from fedora_qa.diagnosis.measured_sizes import Results, is_nearer_to_other_order
 from fedora_qa.diagnosis.vetoes import (
     COMPARED_BY_FLOW,
     ClockPlace,
@@ -87,8 +87,13 @@ def rank_candidates(
     """
     excluded = COMPARED_BY_FLOW if is_flow_of_a_part(alarms) else frozenset()
     by_finding = {alarm.finding.id: alarm for alarm in alarms}
+    other_order = support("images.colours_nearer_to_other_order") if is_nearer_to_other_order(results) else 0.0
     large_enough = {
-        finding: [each for each in proposed if not disturbs_too_few(each, by_finding[finding], results)]
+        finding: [
+            replace(each, support=max(each.support, other_order)) if each.cause == "channel_order" else each
+            for each in proposed
+            if not disturbs_too_few(each, by_finding[finding], results)
+        ]
         for finding, proposed in hypotheses.items()
     }
     candidates = [

@@ -22,6 +22,12 @@ _FEWEST_RATES: Final = 2
 _AGREE: Final = 3.0
 """Standard errors within which a rate agrees with the mean of all: one of three rates is outside in 1% of files."""
 
+_HALF_WAY: Final = 0.5
+"""Position between R, G, B and another order of channels from which the other one is nearer."""
+
+_SIGNIFICANT: Final = 3.1
+"""Standard errors by which noise alone exceeds 0 with a probability of 0.001."""
+
 MS_PER_PERCENT_OF_S: Final = 10.0
 
 Results = Mapping[str, Result]
@@ -42,6 +48,22 @@ def deviation(result: Result | None, name: str, *, beyond_limit: bool = False) -
     if measurement is None or measurement.value is None or (beyond_limit and not measurement.exceeds_limit):
         return 0.0
     return measurement.value - (measurement.expected or 0.0)
+
+
+def is_nearer_to_other_order(results: Results) -> bool:
+    """Whether the colours lie nearer to another order of the channels than to R, G, B, apart from bounds of the fit.
+
+    Parameters
+    ----------
+    results
+        Of the file, by check. ``images.channels`` states how far towards each order the colours lie.
+    """
+    result = results.get("images.channels")
+    towards = [m for m in (result.measurements if result else ()) if m.name.startswith("towards_")]
+    return any(
+        m.value is not None and m.value > _HALF_WAY and m.value > _SIGNIFICANT * (m.standard_error or 0.0)
+        for m in towards
+    )
 
 
 def length_with_error(components: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:

@@ -297,6 +297,21 @@ def test_the_arm_of_the_imu_is_tried_as_that_of_the_poses(code: str, left: dict[
     assert (diagnosis.cause, diagnosis.status) == ("gravity_magnitude", status)
 
 
+@pytest.mark.parametrize(
+    ("towards", "error", "first"),
+    [(0.8, 0.13, "channel_order"), (0.8, 0.3, "mirrored"), (0.4, 0.05, "mirrored")],
+)
+def test_colours_nearer_to_another_order_are_tried_first(towards: float, error: float, first: str) -> None:
+    """Though the check does not state the order: where its bound is large, or colours are few, it may not."""
+    measurements = (
+        Measurement("towards_BGR", towards, "1", error, 0.0, 1.5, 2.0, side="upper"),
+        Measurement("towards_GRB", 0.1, "1", error, 0.0, 1.5, 2.0, side="upper"),
+    )
+    results = {"images.channels": Result("images.channels", "not_observable", "few colours", measurements=measurements)}
+    contradiction = alarm(1, *(Hypothesis(cause, "rgb", 0.3) for cause in ("mirrored", "channel_order")))
+    assert rank_of([contradiction], results)[0].cause == first
+
+
 def test_a_clock_out_of_place_is_the_odd_stream() -> None:
     """Of two clocks whose offset clears alike, that which leaves the grid of all others is late."""
     events, rgb = LATE, Hypothesis("time_offset", "rgb", 0.4, -2.0, "ms", 0.1)
