@@ -11,13 +11,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.clocks.resolution import distance_of_instants_us
 from fedora_qa.checks.event_response.alignment import CameraErrorFits, EventShift
 from fedora_qa.checks.event_response.frames import ChangeAnomalies
 from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
-from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.diagnosis.measured_sizes import length_with_error, rgb_px_per_event_px
@@ -163,6 +164,7 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         *_offsets(statistic.value - statistic.expected, error_ms, facts, courses.constant + courses.segment),
         *_rates(estimate, courses.drift),
         *_of_rounded_frames(statistic.value - statistic.expected, facts, "delays_of_rounded_frames"),
+        *_of_rounded_events(statistic.value - statistic.expected, facts),
         wrong_model,
         # Events of a shifted image come before or after the edge by the shift over its speed.
         *hypotheses_of_centres(facts),
@@ -270,6 +272,15 @@ def _of_rounded_frames(offset_ms: float, facts: Facts, row: str) -> tuple[Hypoth
     if fit is None or fit.grid_ns <= max(abs(offset_ms) * NS_PER_MS, NS_PER_MS):
         return ()
     return (Hypothesis("quantised_time", "rgb", support(f"event_response.{row}"), fit.grid_ns / NS_PER_MS, "ms"),)
+
+
+def _of_rounded_events(offset_ms: float, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return rounded timestamps of the events where different ones are farther apart than an offset; none elsewhere."""
+    grid_us = 0.0 if facts.events is None else facts.events.grid_ns / NS_PER_US
+    apart_ms = max(grid_us, distance_of_instants_us(facts)) * NS_PER_US / NS_PER_MS
+    if apart_ms <= max(abs(offset_ms), 1.0):
+        return ()
+    return (Hypothesis("quantised_time", "events", support("event_response.delays_of_rounded_events"), apart_ms, "ms"),)
 
 
 def _rates(estimate: ClockOffset, explained: float) -> tuple[Hypothesis, ...]:

@@ -252,7 +252,7 @@ def contradicts(
     is_unsized = cause in ("time_offset", "time_unit") and magnitude is None and family in ("rgb", "events")
     is_within_reach = is_unsized and _events_follow(results)
     of_frames = cause == "time_offset" and family in ("events", "rgb")
-    is_rounding = of_frames and _is_rounding_of_frames(magnitude, results)
+    is_rounding = of_frames and _is_rounding(magnitude, results)
     is_no_arm = cause == "lever_arm" and _contradicts_arm(family, magnitude, results)
     is_no_threshold = cause == "threshold_misdeclared" and _changes_sign(results.get("event_response.threshold"))
     if is_off_grid or is_of_another_body or is_within_reach or is_rounding or is_no_threshold or is_no_arm:
@@ -382,16 +382,17 @@ def _largest_jump_that_passes(measurement: Measurement) -> float:
     return largest
 
 
-def _is_rounding_of_frames(offset_ms: float | None, results: Results) -> bool:
-    """Whether the grid on which frames were stamped is coarser than an offset.
+def _is_rounding(offset_ms: float | None, results: Results) -> bool:
+    """Whether the grid on which frames or events were stamped is coarser than an offset.
 
-    Frames between two ticks are late by half a tick where they are stamped with the next one, and early by as much
-    where they are stamped with the one before.
+    Those between two ticks are late by half a tick where they are stamped with the next one, and early by as much where
+    they are stamped with the one before.
     """
-    grid = measured(results.get("clocks.resolution"), "rgb.grid")
-    if offset_ms is None or grid is None or grid.value is None:
-        return False
-    return abs(offset_ms) < grid.value * NS_PER_US / NS_PER_MS
+    grids = (measured(results.get("clocks.resolution"), f"{stream}.grid") for stream in ("rgb", "events"))
+    # Declared packets are no rounding.
+    coarser_us = (grid.value for grid in grids if grid is not None and grid.value is not None and grid.exceeds_limit)
+    coarsest_us = max(coarser_us, default=0.0)
+    return offset_ms is not None and abs(offset_ms) < coarsest_us * NS_PER_US / NS_PER_MS
 
 
 def _turns_with_depth(results: Results) -> bool:

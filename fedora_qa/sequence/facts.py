@@ -157,6 +157,10 @@ class EventScan:
     unplaced, first_unplaced
         Number of events whose timestamp has no place in time, which nothing above counts but ``count``, and the row of
         the first, -1 without one.
+    instants
+        Number of steps forwards, and one: that of different timestamps where none decreases.
+    shortest_step_ns
+        The shortest of these steps, 0 without one.
     """
 
     count: int
@@ -171,6 +175,8 @@ class EventScan:
     longest_steps: tuple[EventStep, ...] = ()
     unplaced: int = 0
     first_unplaced: int = -1
+    instants: int = 0
+    shortest_step_ns: int = 0
 
     def strays(self, begin_ns: float, finish_ns: float) -> tuple[StrayEvents, ...]:
         """Return the events that lie far from the other streams, and from all other events.

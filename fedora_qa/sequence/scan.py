@@ -121,6 +121,8 @@ class _EventTally:
         By index map: the events next to each frame.
     pointed
         By index map: the events that its entries point to.
+    instants, shortest_step_ns
+        As of ``EventScan``.
     """
 
     cell_ns: int
@@ -145,6 +147,8 @@ class _EventTally:
     first_unplaced: int = -1
     around: Mapping[str, "_NearestEvents"] = field(default_factory=dict)
     pointed: Mapping[str, "_PointedEvents"] = field(default_factory=dict)
+    instants: int = 1
+    shortest_step_ns: int = 0
 
     def add(self, start: int, times_ns: Int64) -> None:
         """Add the timestamps of one block, whose first row is ``start``."""
@@ -165,6 +169,11 @@ class _EventTally:
             self.first_decrease = start + int(backwards[0])
         self.decreases += len(backwards)
         self.largest_decrease_ns = max(self.largest_decrease_ns, -int(steps.min()))
+        forwards_ns = steps[steps > 0]
+        if len(forwards_ns):
+            self.instants += len(forwards_ns)
+            shortest_ns = int(forwards_ns.min())
+            self.shortest_step_ns = min(self.shortest_step_ns or shortest_ns, shortest_ns)
         self.longest_steps = longest_steps(self.longest_steps, start, previous_ns, times_ns)
         # gcd(g, 0) = g, so that repeated timestamps do not alter the grid.
         self.grid_ns = int(np.gcd(self.grid_ns, np.gcd.reduce(np.abs(steps))))
@@ -339,6 +348,8 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
             longest_steps=tally.longest_steps,
             unplaced=tally.unplaced,
             first_unplaced=tally.first_unplaced,
+            instants=tally.instants,
+            shortest_step_ns=tally.shortest_step_ns,
         )
     index_maps: dict[str, IndexMap] = {}
     millisecond_map: MillisecondMap | None = None

@@ -199,13 +199,23 @@ def test_poses_in_coarse_steps_are_not_frozen() -> None:
         assert contradicts("frozen_frames", "pose", 12.0, results, {}) == is_contradicted
 
 
+@pytest.mark.parametrize("rounded", ["rgb", "events"])
 @pytest.mark.parametrize(("offset_ms", "is_contradicted"), [(8.3, True), (-16.0, True), (40.0, False), (None, False)])
-def test_frames_rounded_to_a_grid_are_off_by_a_part_of_it(offset_ms: float | None, is_contradicted: bool) -> None:
+def test_what_is_rounded_to_a_grid_is_off_by_a_part_of_it(
+    rounded: str, offset_ms: float | None, is_contradicted: bool
+) -> None:
     """Stamped with the next of 60 ticks a second, frames are late by 8.3 ms on the mean, and never by two ticks."""
-    grid = Measurement("rgb.grid", 16667.0, "us", 0.0, 1.0, 1.0, 1.0)
+    grid = Measurement(f"{rounded}.grid", 16667.0, "us", 0.0, 1.0, 1.0, 1.0)
     results = {"clocks.resolution": Result("clocks.resolution", "failed", "coarse", measurements=(grid,))}
     assert contradicts("time_offset", "events", offset_ms, results, {}) == is_contradicted
     assert contradicts("time_offset", "rgb", offset_ms, results, {}) == is_contradicted
+
+
+def test_declared_packets_are_no_rounding() -> None:
+    """Events of packets of 1 ms may be late by 0.8 ms."""
+    grid = Measurement("events.grid", 1000.0, "us", 0.0, 1000.0, 0.0, 1.0, side="upper")
+    results = {"clocks.resolution": Result("clocks.resolution", "passed", "as declared", measurements=(grid,))}
+    assert not contradicts("time_offset", "events", 0.8, results, {})
 
 
 @pytest.mark.parametrize(("stream", "share", "is_contradicted"),

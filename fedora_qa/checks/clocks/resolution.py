@@ -25,6 +25,10 @@ from fedora_qa.views.clock_resets import clock_reset
 
 _ENOUGH_EVENTS: Final = 1000
 
+_FEWEST_INSTANTS: Final = 3
+_LOG_CHANCE: Final = -6.0
+"""Decimal logarithm of the probability below which chance is excluded, as for grids of sampled streams."""
+
 _SIGNIFICANT: Final = 10.0
 _AS_MUCH: Final = 0.8
 """Least deviate of a significant comb, and least ratio of its hits to the most hits (both only choose among combs and
@@ -98,6 +102,8 @@ class ClocksResolution(WindowCheck[Comb]):
     How
     ---
     Events must lie on the grid of the declared packets, or of one microsecond for asynchronous events of the log model.
+    Where they lie on no coarser grid, the least distance of different timestamps is compared with it: events that have
+    the times of renders keep the distance of these, whose times need not be whole multiples of a microsecond.
     The grid of a sampled stream can be measured where its steps vary: all of them are then multiples of a number above
     1 us. The same timestamps are compared with single-precision seconds, whose spacing doubles at each power of two.
     Where all events together lie on no coarse grid, each window of 0.2 s is compared with every comb of 2 to 2000 ticks
@@ -107,7 +113,8 @@ class ClocksResolution(WindowCheck[Comb]):
 
     Noise model
     -----------
-    By chance, n timestamps at random microseconds all lie on a grid of g us with probability g^-n. Events are judged if
+    By chance, n timestamps at random microseconds all lie on a grid of g us with probability g^-n. No two of n instants
+    within a span T are nearer than s with probability (1 - (n - 1) s / T)^n. Events are judged if
     there are 1000 or more; a sampled stream is judged where its irregular steps make that probability less than one in
     a million. The number of ticks of a comb that hold an event is binomial, with the share of all ticks that hold one.
     A tick counts once, however many events it holds, so that an edge that fires a whole column counts once. The
@@ -229,6 +236,13 @@ class ClocksResolution(WindowCheck[Comb]):
             if not unobservable:
                 expected_us, grid_us = _declared_tick_us(facts), event_scan(facts).grid_ns / NS_PER_US
                 text = f"All event timestamps lie on a grid of {grid_us:g} us; {expected_us} us is declared."
+                apart_us = distance_of_instants_us(facts)
+                if grid_us <= expected_us < apart_us:
+                    grid_us = apart_us
+                    text = (
+                        f"The {event_scan(facts).instants} different event timestamps are at least {apart_us:g} us "
+                        f"apart; {expected_us} us is declared."
+                    )
                 if facts.declared.kind == "recorded" and grid_us > expected_us:
                     inferred["events.grid_us"] = grid_us
                     unobservable = (
@@ -254,6 +268,22 @@ def _why_events_show_none(facts: Facts) -> str:
     if declared is not None and declared.model == "linear":
         return "events of the linear model lie on the grid of rendered steps"
     return ""
+
+
+def distance_of_instants_us(facts: Facts) -> float:
+    """Return the least distance of different event timestamps, us, where it is none by chance; otherwise 0.
+
+    Of n instants at random within a span T none are nearer than s with the probability (1 - (n - 1) s / T)^n. Instants
+    of renders that are no whole number of microseconds apart lie on no grid, and keep their distance.
+    """
+    events = facts.events
+    if events is None or events.decreases or events.unreadable or events.unplaced or events.instants < _FEWEST_INSTANTS:
+        return 0.0
+    # Timestamps are whole ticks: different ones are at least one apart.
+    beyond_ns = max(events.shortest_step_ns - _declared_tick_us(facts) * NS_PER_US, 0)
+    covered = (events.instants - 1) * beyond_ns / (events.last_ns - events.first_ns)
+    log_chance = events.instants * np.log10(max(1.0 - covered, np.finfo(np.float64).tiny))
+    return events.shortest_step_ns / NS_PER_US if log_chance < _LOG_CHANCE else 0.0
 
 
 def _grid(stream: str, grid_us: float, expected_us: float, statement: str) -> Statistic:
