@@ -247,8 +247,8 @@ def row_keys(facts: Facts, stream: str) -> tuple[str, ...]:
 
 
 def is_of_part(fault: ReversibleFault) -> bool:
-    """Whether a fault is one of a range of rows, or begins and ends, and is not of the whole stream."""
-    return getattr(fault, "rows", None) is not None or getattr(fault, "duration_ns", None) is not None
+    """Whether a fault is one of a range of rows or of a rectangle of the image, or begins and ends."""
+    return any(getattr(fault, name, None) is not None for name in ("rows", "duration_ns", "region", "while_ns"))
 
 
 def within(numbers: NDArray[np.int64], rows: RowRange | None) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.faults.canary_conditions import CanaryConditions
 from fedora_qa.faults.fault import Alteration, Fault, Read, streams_in, value_keys, values
 from fedora_qa.faults.units import FlowGain, FlowSign
@@ -28,10 +29,14 @@ class FlowIntervalShift:
         ``flow``, or a rate.
     intervals
         Number of intervals; positive: fields are stamped too late.
+    while_ns
+        Starts of the first and the last field that have the fault, ns from the origin, for every rate: within them
+        fields are those of other rows, and what these overwrote is lost; None: all fields.
     """
 
     stream: str
     intervals: int
+    while_ns: tuple[int, int] | None = None
     cause: ClassVar[str] = "flow_interval_shifted"
 
     @property
@@ -49,20 +54,41 @@ class FlowIntervalShift:
         return self._moved(facts, f"{self.stream} back by {self.intervals} intervals", -self.intervals)
 
     def _moved(self, facts: Facts, description: str, later: int) -> Fault:
-        streams_in(facts, self.stream)
-        keys = value_keys(facts, self.stream)
-        return Fault(description, {key: _later_by(later, facts.sizes[key]) for key in keys})
+        parts = {stream: self._part(facts, stream) for stream in streams_in(facts, self.stream)}
+        if self.while_ns is not None:
+            first_s, last_s = (time_ns / NS_PER_S for time_ns in self.while_ns)
+            description += f", of those that begin from {first_s:.3f} to {last_s:.3f} s"
+        return Fault(
+            description,
+            {key: _later_by(later, *part) for stream, part in parts.items() for key in value_keys(facts, stream)},
+        )
+
+    def _part(self, facts: Facts, stream: str) -> tuple[int, int]:
+        """Return the first row of a rate with the fault, and the row behind the last one."""
+        clock = facts.clocks.get(stream)
+        if self.while_ns is None or clock is None:
+            return 0, facts.sizes[f"path/{stream}"]
+        first_ns, last_ns = self.while_ns
+        first, stop = np.searchsorted(clock.times_ns, (first_ns, last_ns + 1))
+        return int(first), int(stop)
 
 
-def _later_by(later: int, count: int) -> Alteration:
-    """Return the alteration that stores each field ``later`` rows later, and NaN in the rows that become free."""
+def _later_by(later: int, first: int, stop: int) -> Alteration:
+    """Return the alteration that stores fields ``later`` rows later, and NaN in the rows that become free.
 
-    def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
-        first, last = np.clip((start - later, stop - later), 0, count)
-        moved = read(int(first), int(last))
-        fields = np.full((stop - start, *moved.shape[1:]), np.nan, moved.dtype)
-        begin = int(first) + later - start
-        fields[begin : begin + len(moved)] = moved
+    Rows before ``first``, and from ``stop`` on, stay.
+    """
+
+    def alter(read: Read, begin: int, end: int) -> NDArray[Any]:
+        rows = np.arange(begin, end)
+        sources = np.where((rows >= first) & (rows < stop), rows - later, rows)
+        is_lost = (sources < first) & (rows >= first) | (sources >= stop) & (rows < stop)
+        kept = sources[~is_lost]
+        if not len(kept):
+            return np.full_like(read(begin, end), np.nan)
+        lowest = int(kept.min())
+        fields: NDArray[Any] = read(lowest, int(kept.max()) + 1)[np.where(is_lost, lowest, sources) - lowest]
+        fields[is_lost] = np.nan
         return fields
 
     return alter

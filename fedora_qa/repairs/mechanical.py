@@ -30,6 +30,7 @@ from fedora_qa.faults import (
     units,
 )
 from fedora_qa.faults.fault import ReversibleFault
+from fedora_qa.faults.image_part import ImagePart
 
 _MECHANICAL: Final = ""
 
@@ -133,6 +134,8 @@ ROW_FAULTS: Final = (row_order.DuplicatedSamples, row_order.Unsorted)
 
 def why_not_mechanical(fault: ReversibleFault) -> str:
     """Return the reason why a fault is not repaired, as a sentence; empty where it is."""
+    if isinstance(fault, ImagePart):
+        return "The edges of the part are an estimate, and what crossed them is lost."
     reason = MECHANICAL[type(fault)]
     return reason if isinstance(reason, str) else reason(fault)
 
