@@ -7,6 +7,7 @@ factors of whole streams, ``flow`` those of all flow but ``flow_geometry``, and 
 ``vetoes`` and ``direct`` state what contradicts or measures a cause. ``declared_cameras`` states which declared numbers
 of cameras were chosen.
 ``proposed_faults`` makes faults of a ``fitted_cause``, those of cameras in ``proposed_camera_faults`` and those of
-poses and the IMU in ``proposed_motion_faults``, with sizes from the hypotheses and from ``measured_sizes``;
-``conclusion`` states how a cause is known after they were undone.
+poses and the IMU in ``proposed_motion_faults``, with sizes from the hypotheses and from ``measured_sizes``, and the
+part of the images or of the time that deviates from ``image_parts``; ``conclusion`` states how a cause is known after
+they were undone.
 """

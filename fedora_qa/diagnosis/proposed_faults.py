@@ -20,6 +20,7 @@ from fedora_qa.diagnosis.declared_cameras import inverted_mountings, mountings_o
 from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.flow import CAUSES_OF_TRANSFORM, fractions_of_px
+from fedora_qa.diagnosis.image_parts import fewest_fields_off, part_of_images, part_of_time
 from fedora_qa.diagnosis.length_units import ratio_of_units
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, frames_lost_before, measured, rgb_px_per_event_px
 from fedora_qa.diagnosis.proposed_camera_faults import (
@@ -57,6 +58,7 @@ from fedora_qa.faults import (
     units,
 )
 from fedora_qa.faults.fault import RowRange, value_keys
+from fedora_qa.faults.image_part import ImagePart
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz
@@ -71,6 +73,15 @@ and two factors that fit another cause would clear more of it than one."""
 
 _ORDERS: Final = ("BGR", "RBG", "GRB", "GBR", "BRG")
 
+
+_OF_PIXELS: Final = frozenset(
+    {
+        "spatial_offset", "mirrored", "axes_swapped", "frame_convention", "unit_mm_m", "flow_unit", "flow_sign",
+        "flow_gain", "flow_interval_shifted", "intrinsics_focal", "intrinsics_centre", "extrinsic_rotation",
+        "depth_ray_not_z", "invalid_encoding",
+    }
+)  # fmt: skip
+"""Causes that alter the values of pixels, and may hold in a part of the image."""
 
 _MOST_ORDERS: Final = 2
 """Orders of channels that are tried: those towards which the colours lie nearest."""
@@ -105,7 +116,11 @@ def faults_for(
     """
     if is_testable(cause, stream, magnitude):
         size = magnitude if magnitude is not None and isfinite(magnitude) else 0.0
-        yield from _PROPOSALS[cause](FittedCause(cause, stream, size, alarms, results, facts))
+        fit = FittedCause(cause, stream, size, alarms, results, facts)
+        part = part_of_images(alarms, stream) if cause in _OF_PIXELS else None
+        for fault in _PROPOSALS[cause](fit):
+            # What lies beside the part agrees: a fault of the whole image is ruled out.
+            yield fault if part is None else ImagePart(fault, part)
 
 
 _WHOLE_PX: Final = 0.1
@@ -419,7 +434,14 @@ def _flow_gain(fit: FittedCause) -> Faults:
 
 
 def _flow_interval(fit: FittedCause) -> Faults:
+    while_ns = part_of_time(fit.alarms, fit.stream, fit.facts)
+    is_of_part = while_ns is not None or part_of_images(fit.alarms, fit.stream) is not None
     for intervals in (round(fit.size),) if round(fit.size) else (1, -1):
+        # Of a part, findings vanish with the values that are lost at its end: most values must be left.
+        if is_of_part and 2 * abs(intervals) > fewest_fields_off(fit.alarms, fit.stream):
+            continue
+        if while_ns is not None:
+            yield flow.FlowIntervalShift(fit.stream, intervals, while_ns)
         yield flow.FlowIntervalShift(fit.stream, intervals)
 
 

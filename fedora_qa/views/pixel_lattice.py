@@ -1,5 +1,6 @@
 """The compared pixels of a field: its static part, a lattice, its deviating part, and a thinned sample."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -144,9 +145,18 @@ class FlowLattice:
 
     def within(self, region: Region) -> "FlowLattice":
         """Return the lattice with the depths outside of a region set to NaN."""
+        return replace(self, depths_m=np.where(self._inside(region), self.depths_m, np.nan))
+
+    def beside(self, region: Region) -> "FlowLattice":
+        """Return the lattice with the depths within a region set to NaN."""
+        return replace(self, depths_m=np.where(self._inside(region), np.nan, self.depths_m))
+
+    def _inside(self, region: Region) -> NDArray[np.bool_]:
         left, top, right, bottom = region
-        inside = (self.columns >= left) & (self.columns < right) & (self.rows >= top) & (self.rows < bottom)
-        return replace(self, depths_m=np.where(inside, self.depths_m, np.nan))
+        inside: NDArray[np.bool_] = (
+            (self.columns >= left) & (self.columns < right) & (self.rows >= top) & (self.rows < bottom)
+        )
+        return inside
 
 
 def region_of(lattice: FlowLattice, excess: Float64) -> Region | None:
@@ -182,6 +192,14 @@ def region_of(lattice: FlowLattice, excess: Float64) -> Region | None:
     left, right = (int(lattice.columns[0, column]) for column in (columns.min(), columns.max()))
     top, bottom = (int(lattice.rows[row, 0]) for row in (rows.min(), rows.max()))
     return left, top, right + 1, bottom + 1
+
+
+def union_of(regions: Sequence[Region]) -> Region | None:
+    """Return the smallest rectangle that holds some rectangles; None without any."""
+    if not regions:
+        return None
+    lefts, tops, rights, bottoms = zip(*regions, strict=True)
+    return min(lefts), min(tops), max(rights), max(bottoms)
 
 
 def lattice_of(window: Window, interval: Interval, frame: int) -> FlowLattice | None:

@@ -34,6 +34,7 @@ from fedora_qa.views.flow_intervals import (
     place,
     pose_track,
 )
+from fedora_qa.views.pixel_lattice import Region, union_of
 
 _MOST_FOLLOW_UPS: Final = 8
 
@@ -110,6 +111,12 @@ class FieldsOff(Feature):
     repeats_of_flow, repeats_of_depth
         Numbers of fields that equal the field before, and of fields whose depth frame equals the one before, bit for
         bit.
+    part
+        Where most deviate in a part only: left, top, right, bottom, px, of the pixels that deviate in any field. The
+        lattices of the fields together have every pixel, so that its edges are those of the fault where the flow
+        deviates at them.
+    first_ns, last_ns
+        Starts of the first and the last field that deviate, ns from the origin.
     """
 
     count: int
@@ -117,6 +124,9 @@ class FieldsOff(Feature):
     in_part: bool
     repeats_of_flow: int
     repeats_of_depth: int
+    part: Region | None = None
+    first_ns: int = 0
+    last_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,10 +202,10 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
     definition of format.md, X1 = R X0 + t. With declared pose noise, a correction of the relative pose of each field is
     fitted (Gauss-Newton, six parameters). After an alarm, templates of small errors (gain, focal length, principal
     point, mounting, lever arm, time, drift) are fitted to the deviation, a shift of the image by parts of a pixel is
-    fitted away from the breaks of the flow, and inverse transforms are applied to
-    deviating fields (sign, axes, units, mirrors, shifts, other rates and intervals, ray lengths, quaternion
-    conventions). Where only a part of the image deviates, all of this uses that part, and causes that change the whole
-    image are not named. Parameters of the camera that were probably set by hand (a round field of view, a centred
+    fitted away from the breaks of the flow, and inverse transforms are applied to deviating fields (sign, axes, units,
+    mirrors, shifts, other rates and intervals, ray lengths, quaternion conventions). Where only a part of the image
+    deviates, all of this uses that part, with the motion that the rest of the image states, and causes that change the
+    whole image are not named. Parameters of the camera that were probably set by hand (a round field of view, a centred
     principal point) are not suspected while flow can be the cause.
 
     Noise model
@@ -387,12 +397,18 @@ def _features(fields: Sequence[FieldError], facts: Facts) -> list[Feature]:
     """Return the features of the deviation of one rate: its extent, fits of small errors, and corrections."""
     off = [field for field in fields if field.suspicion > 1]
     typical = float(np.median([field.suspicion for field in off])) if off else np.inf
+    regions = [field.region for field in off if field.region is not None]
+    in_part = 2 * len(regions) > len(off)
+    starts_ns = [field.interval.start_ns for field in off]
     extent = FieldsOff(
         count=len(off),
         affected_share=sum(field.suspicion > _AFFECTED * typical for field in fields) / len(fields),
-        in_part=2 * sum(field.region is not None for field in off) > len(off),
+        in_part=in_part,
         repeats_of_flow=sum(field.repeats == "flow" for field in off),
         repeats_of_depth=sum(field.repeats == "depth" for field in off),
+        part=union_of(regions) if in_part else None,
+        first_ns=min(starts_ns, default=0),
+        last_ns=max(starts_ns, default=0),
     )
     features: list[Feature] = [extent, *_parameter_fits(fields, facts)]
     corrected = [field for field in off if field.free_pixels]

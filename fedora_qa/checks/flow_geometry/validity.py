@@ -28,7 +28,7 @@ from fedora_qa.views.flow_intervals import (
     place,
     pose_track,
 )
-from fedora_qa.views.pixel_lattice import static_depth_m
+from fedora_qa.views.pixel_lattice import Region, static_depth_m, union_of
 
 _SIGMAS: Final = 8.0
 """Distance from the camera's plane, in sigma of declared pose noise, within which a point counts as neither before nor
@@ -54,6 +54,8 @@ class FieldPattern:
         Numbers of infinite values, and of valid depths without a value.
     pixel
         (column, row) of the first wrong pixel.
+    part
+        Left, top, right, bottom, px, half-open, of the rectangle that holds the wrong pixels; None without any.
     """
 
     interval: Interval
@@ -66,6 +68,7 @@ class FieldPattern:
     infinite: int
     missing: int
     pixel: tuple[int, int] | None
+    part: Region | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +85,8 @@ class WrongFlowValues(Feature):
         Numbers of unfounded values that equal their field's median, and of those behind the camera.
     deep
         Whether the depths of the unfounded values are plausible in every field.
+    part
+        Left, top, right, bottom, px, half-open, of the rectangle that holds the wrong pixels of all fields.
     """
 
     streams: frozenset[str]
@@ -90,6 +95,7 @@ class WrongFlowValues(Feature):
     alike: int
     behind: int
     deep: bool
+    part: Region | None = None
 
 
 class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
@@ -197,6 +203,7 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
                     alike=sum(p.unfounded_alike for p in unfounded),
                     behind=sum(p.behind for p in unfounded),
                     deep=all(pattern.deep for pattern in unfounded),
+                    part=union_of([pattern.part for pattern in patterns if pattern.part is not None]),
                 )
                 features = (values,)
             statistics.append(
@@ -252,7 +259,11 @@ def _count_wrong_pixels(
     values_px = flow_px[unfounded]
     alike = int(np.count_nonzero(np.all(values_px == np.median(values_px, axis=0), axis=1))) if len(values_px) else 0
     wrong = unfounded | missing
-    first = int(np.argmax(wrong)) if wrong.any() else None
+    first, part = None, None
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        down, right = np.nonzero(wrong)
+        part = int(right.min()), int(down.min()), int(right.max()) + 1, int(down.max()) + 1
     width = depth_m.shape[1]
     return FieldPattern(
         interval,
@@ -265,6 +276,7 @@ def _count_wrong_pixels(
         infinite=int(np.count_nonzero(np.isinf(u) | np.isinf(v))),
         missing=int(np.count_nonzero(missing)),
         pixel=None if first is None else (first % width, first // width),
+        part=part,
     )
 
 
