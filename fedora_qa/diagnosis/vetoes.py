@@ -261,8 +261,9 @@ def contradicts(
     if (cause, family) in _IN_ORDER and (cause != "exposure_or_gamma" or magnitude is None):
         # Poses that move by less than a step of their values repeat.
         is_of_steps = (cause, family) == _REPEATS and _is_coarse(results.get("integrity.resolution"), family)
-        # Rays of a part of the file alter the exponent of the whole by little.
-        if (cause, family) == _RAYS and _begins_within(results.get("depth.consistency")):
+        # Rays of a part of the file, or of the image, alter the exponent of the whole by little.
+        of_pairs = results.get("depth.consistency")
+        if (cause, family) == _RAYS and (_begins_within(of_pairs) or _has_finding(of_pairs, "depth.consistency.tile")):
             return False
         return is_of_steps or all(_passed(results.get(check)) for check in _IN_ORDER[cause, family])
     if family == "flow" and cause in _OF_FLOW and magnitude is not None:
