@@ -55,6 +55,8 @@ CAUSES_OF_TRANSFORM: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({
     "repeated_frame": ("frozen_frames",),
     "ray_lengths": ("depth_ray_not_z",),
     "metric_unit": ("unit_mm_m",),
+    # A part of the image that moves as the poses with their noise do, while the rest moves as without it.
+    "as_posed": ("flow_from_noisy_pose",),
     "triangulated_depth": ("other_sequence",),
     "conjugated_quaternion": ("quaternion_inverted",),
     "reordered_quaternion": ("quaternion_order",),

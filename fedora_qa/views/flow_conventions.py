@@ -19,9 +19,9 @@ from fedora_qa.geometry.so3 import compose, log
 from fedora_qa.sequence.facts import Clock
 from fedora_qa.sequence.window import PoseSamples, Window
 from fedora_qa.views.flow_axes import FLOW_AXES
-from fedora_qa.views.flow_comparison import field_covariance
+from fedora_qa.views.flow_comparison import field_covariance, is_noisy
 from fedora_qa.views.flow_intervals import Interval, PoseTrack, depths_plausible, frame_at, interval_at
-from fedora_qa.views.pixel_lattice import FEWEST_PIXELS, Region, sample_field
+from fedora_qa.views.pixel_lattice import FEWEST_PIXELS, Region, lattice_of, sample_field, thinned
 
 Float64 = NDArray[np.float64]
 
@@ -83,7 +83,10 @@ class ConventionTrial(Feature):
 
 @dataclass(frozen=True, slots=True)
 class _TransformedField:
-    """The sample of a field and the camera's motion after a transform; None where too few pixels or no pose remain."""
+    """The sample of a field and the camera's motion after a transform; None where too few pixels or no pose remain.
+
+    The motion is known where the rest of the image states it, so that no noise of the poses corrects it.
+    """
 
     transform: str
     stream: str
@@ -91,12 +94,16 @@ class _TransformedField:
     motion: RigidMotion | None
     magnitude: float | None = None
     components: tuple[float, ...] = ()
+    is_known: bool = False
 
 
 def try_inverse_transforms(
     window: Window, track: PoseTrack, interval: Interval, frame: int, region: Region | None = None
 ) -> list[ConventionTrial]:
     """Try every inverse transform on one field, or on its deviating part.
+
+    The rest of the image states the motion of a deviating part: the declared noise of the poses, which may correct the
+    motion of a whole field, would let the correction follow the fault.
 
     The remaining deviation is divided by a reference: the deviation as stored, or the length of either flow where that
     is smaller. So a transform explains nothing if it only makes arbitrary flow small, or recomputes it from arbitrary
@@ -125,17 +132,24 @@ def try_inverse_transforms(
     motion = track.motion(interval.start_ns, interval.end_ns)
     if sample is None or motion is None:
         return []
-    as_stored = _deviation(track, interval, sample, motion, window)
+    beside: RigidMotion | None = None
+    if region is not None and is_noisy(window.facts.declared.pose):
+        beside = _motion_beside(window, track, interval, region)
+    declared, motion, is_known = motion, beside or motion, beside is not None
+    as_stored = _deviation(track, interval, sample, motion, window, is_known=is_known)
     still = replace(sample, flow_px=np.zeros_like(sample.flow_px))
     stored_px = float(np.sqrt(np.mean(np.sum(sample.flow_px**2, axis=1))))
-    reference = min(as_stored, _deviation(track, interval, still, motion, window), stored_px or np.inf)
+    of_still = _deviation(track, interval, still, motion, window, is_known=is_known)
+    reference = min(as_stored, of_still, stored_px or np.inf)
     if not 0 < reference < np.inf:
         reference = stored_px
     best: dict[tuple[str, str], ConventionTrial] = {}
     for field in (
-        *_with_other_flow(window, track, interval, sample, motion, frame, region),
-        *_with_other_depth(window, track, interval, sample, motion, frame),
-        *_with_other_poses(window, track, interval, sample),
+        *_with_other_flow(window, track, interval, sample, motion, frame, region, is_known=is_known),
+        *_with_other_depth(window, track, interval, sample, motion, frame, is_known=is_known),
+        # Poses are common to all pixels.
+        *(_with_other_poses(window, track, interval, sample) if region is None else ()),
+        *((_TransformedField("as_posed", "flow", sample, declared, is_known=True),) if is_known else ()),
     ):
         residual = _deviation_of(field, track, interval, window)
         if residual is None:
@@ -150,7 +164,21 @@ def _deviation_of(field: _TransformedField, track: PoseTrack, interval: Interval
     """Return the deviation that a transform leaves, px; None where too few pixels or no pose remain."""
     if field.sample is None or field.motion is None:
         return None
-    return _deviation(track, interval, field.sample, field.motion, window)
+    return _deviation(track, interval, field.sample, field.motion, window, is_known=field.is_known)
+
+
+def _motion_beside(window: Window, track: PoseTrack, interval: Interval, region: Region) -> RigidMotion | None:
+    """Return the motion over an interval by its field beside a region; None without a field, or where it fits none."""
+    row = frame_at(window.facts.clocks[interval.stream], interval.start_ns)
+    frame = frame_at(window.facts.clocks["depth"], interval.start_ns)
+    motion = track.motion(interval.start_ns, interval.end_ns)
+    if row is None or frame is None or motion is None:
+        return None
+    own = interval_at(window.facts, interval.stream, row)
+    lattice = lattice_of(window, own, frame) if own.end_ns == interval.end_ns else None
+    sample = None if lattice is None else thinned(lattice.beside(region))
+    fit = None if sample is None else fit_motion(track.camera.K, motion, sample)
+    return None if fit is None else fit.motion
 
 
 def _best_shift(
@@ -191,6 +219,8 @@ def _with_other_flow(
     motion: RigidMotion,
     frame: int,
     region: Region | None,
+    *,
+    is_known: bool,
 ) -> Iterator[_TransformedField]:
     """Transform the stored flow or its grid, or assign the flow to another interval."""
     flow, seconds = sample.flow_px, interval.duration_s
@@ -199,7 +229,7 @@ def _with_other_flow(
     column, row = sample.columns.astype(int), sample.rows.astype(int)
 
     def transformed(name: str, values: NDArray[np.floating], magnitude: float | None = None) -> _TransformedField:
-        return _TransformedField(name, "flow", _with_flow(sample, values), motion, magnitude)
+        return _TransformedField(name, "flow", _with_flow(sample, values), motion, magnitude, is_known=is_known)
 
     turned = {name: axes.of(flow) for name, axes in FLOW_AXES.items()}
     for name, values in turned.items():
@@ -253,7 +283,8 @@ def _with_other_flow(
             mirror = replace(
                 sample, columns=columns.astype(np.float64), rows=rows.astype(np.float64), depths_m=depths_m
             )
-            yield _TransformedField("mirrored", "flow", _with_flow(mirror, flow * np.array(signs)), motion)
+            mirrored = _with_flow(mirror, flow * np.array(signs))
+            yield _TransformedField("mirrored", "flow", mirrored, motion, is_known=is_known)
 
     def moved_back(dx: int, dy: int) -> _TransformedField:
         moved = stored[np.clip(row + dy, 0, height - 1), np.clip(column + dx, 0, width - 1)]
@@ -265,7 +296,9 @@ def _with_other_flow(
     def moved_to(other: Interval, name: str, magnitude: float | None = None) -> _TransformedField:
         depth_frame = frame_at(window.facts.clocks["depth"], other.start_ns)
         field = None if depth_frame is None else sample_field(window, interval, depth_frame, region)
-        return _TransformedField(name, "flow", field, track.motion(other.start_ns, other.end_ns), magnitude)
+        of_poses = track.motion(other.start_ns, other.end_ns)
+        other_motion = _motion_beside(window, track, other, region) if is_known and region is not None else of_poses
+        return _TransformedField(name, "flow", field, other_motion, magnitude, is_known=is_known)
 
     for intervals in _INTERVAL_SHIFTS:
         yield moved_to(interval.shifted(intervals), "neighbouring_interval", float(-intervals))
@@ -285,12 +318,20 @@ def _with_other_flow(
 
 
 def _with_other_depth(
-    window: Window, track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, frame: int
+    window: Window,
+    track: PoseTrack,
+    interval: Interval,
+    sample: FlowSample,
+    motion: RigidMotion,
+    frame: int,
+    *,
+    is_known: bool,
 ) -> Iterator[_TransformedField]:
     """Transform the depth."""
 
     def transformed(name: str, depths_m: Float64, magnitude: float | None = None) -> _TransformedField:
-        return _TransformedField(name, "depth", replace(sample, depths_m=depths_m), motion, magnitude)
+        changed = replace(sample, depths_m=depths_m)
+        return _TransformedField(name, "depth", changed, motion, magnitude, is_known=is_known)
 
     K = track.camera.K
     slopes = rays_of_pixels(K, sample.lens, sample.columns, sample.rows)
@@ -488,17 +529,19 @@ def _depths_at(depth_m: NDArray[np.float32], columns: NDArray[np.int_], rows: ND
     return np.where(inside & (values > 0), values, np.nan)
 
 
-def _deviation(track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, window: Window) -> float:
+def _deviation(
+    track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, window: Window, *, is_known: bool
+) -> float:
     """Return the root mean square deviation that the declared pose noise does not explain, px.
 
-    Points behind the camera do not count; infinite where more than half of the points are behind it.
+    A motion that is known has no noise. Points behind the camera do not count; infinite where more than half of the
+    points are behind it.
     """
     recomputed = sample.rigid_flow(track.camera.K, motion)
     in_front = np.logical_and(*np.isfinite(recomputed).T)
     if 2 * np.count_nonzero(in_front) < len(in_front):
         return float("inf")
-    noise = window.facts.declared.pose
-    covariance = field_covariance(track, interval, noise)
+    covariance = None if is_known else field_covariance(track, interval, window.facts.declared.pose)
     fit = None if covariance is None else fit_motion(track.camera.K, motion, sample)
     if covariance is not None and fit is None:
         return float("inf")
