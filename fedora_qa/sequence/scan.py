@@ -169,11 +169,10 @@ class _EventTally:
             self.first_decrease = start + int(backwards[0])
         self.decreases += len(backwards)
         self.largest_decrease_ns = max(self.largest_decrease_ns, -int(steps.min()))
-        forwards_ns = steps[steps > 0]
-        if len(forwards_ns):
-            self.instants += len(forwards_ns)
-            shortest_ns = int(forwards_ns.min())
-            self.shortest_step_ns = min(self.shortest_step_ns or shortest_ns, shortest_ns)
+        is_forwards = steps > 0
+        self.instants += int(np.count_nonzero(is_forwards))
+        shortest_ns = int(np.min(steps, where=is_forwards, initial=self.shortest_step_ns or NEVER_NS))
+        self.shortest_step_ns = shortest_ns if shortest_ns < NEVER_NS else 0
         self.longest_steps = longest_steps(self.longest_steps, start, previous_ns, times_ns)
         # gcd(g, 0) = g, so that repeated timestamps do not alter the grid.
         self.grid_ns = int(np.gcd(self.grid_ns, np.gcd.reduce(np.abs(steps))))
