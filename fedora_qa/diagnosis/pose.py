@@ -12,6 +12,7 @@ from fedora_qa.conventions import MM_PER_M, NS_PER_MS
 from fedora_qa.diagnosis import length_units
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.estimators.imu.conventions import Axes
+from fedora_qa.faults.fault import signed_length
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import PoseModel
@@ -164,8 +165,8 @@ def propose_continuity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
                 transforms.append(Hypothesis("quaternion_inverted", "pose", strength))
             case PoseTransform("north_east_down"):
                 transforms.append(Hypothesis("frame_convention", "pose", strength))
-            case PairedSteps(length_m, standard_error_m):
-                paired = support("pose.paired_steps")
+            case PairedSteps(arm_body_m, standard_error_m):
+                length_m, paired = signed_length(arm_body_m), support("pose.paired_steps")
                 transforms.append(Hypothesis("lever_arm", "pose", paired, length_m, "m", standard_error_m))
     # A jump that a transform, a lever arm or a repeated pose explains is not a jump of the body itself.
     beside_repeats = any(isinstance(f, PoseJump) and f.beside_repeated_samples for f in statistic.features)

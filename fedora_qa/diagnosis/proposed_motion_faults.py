@@ -7,11 +7,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.pose.continuity import DisplacedPositions
-from fedora_qa.conventions import NS_PER_US, SAME_AXES
+from fedora_qa.checks.imu.agreement import InertialParameter
+from fedora_qa.checks.pose.continuity import DisplacedPositions, PairedSteps, PartBetweenJumps, PoseTransform
+from fedora_qa.conventions import FRD_FROM_FLU, NED_FROM_ENU, NS_PER_US, SAME_AXES
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.imu import HALF_TURN
 from fedora_qa.diagnosis.measured_sizes import vector
+from fedora_qa.diagnosis.pose import axes_cause
 from fedora_qa.estimators.imu.conventions import GravityConvention, InertialConvention, signed_permutations
 from fedora_qa.faults import axes, declarations, gravity, motion, units
 from fedora_qa.faults.fault import Matrix3, RowRange, Sensor, Vector3
@@ -26,6 +28,8 @@ _SENSORS: Final[Mapping[MotionKind, Sensor]] = {"rotation": "gyro", "translation
 def vector_axes(fit: FittedCause) -> Faults:
     """Yield axes of poses or of the IMU under which both agree."""
     cause: Any = fit.cause
+    if fit.stream == "pose":
+        yield from _axes_of_parts(fit)
     of_vertical = [feature.convention for feature, _ in inertial_conventions(fit) if feature.kind == "translation"]
     if fit.stream == "imu" and any(convention.sensor_frame == "world" for convention in of_vertical):
         yield gravity.SensorsInWorld(("gyro", "accelerometer"))
@@ -59,6 +63,45 @@ def vector_axes(fit: FittedCause) -> Faults:
                 yield axes.VectorAxes(fit.stream, world, turns_orientations=False, cause=cause, rows=rows)
             elif (with_vertical := (_world_of(convention, body), body)) != (SAME_AXES, SAME_AXES):
                 yield axes.VectorAxes(fit.stream, *with_vertical, cause=cause, rows=rows)
+
+
+def _axes_of_parts(fit: FittedCause) -> Faults:
+    """Yield axes under which poses of a part go on across the jumps at its edges."""
+    cause: Any = fit.cause
+    # What attitudes follow, positions follow as well.
+    for transform, rows, begins in sorted(_transforms_of_parts(fit), key=lambda each: each[0].kind == "axes"):
+        if transform.kind == "north_east_down" and cause == "frame_convention":
+            yield axes.VectorAxes("pose", NED_FROM_ENU, FRD_FROM_FLU, rows=rows)
+        elif transform.kind == "axes" and axes_cause(transform.axes) == cause:
+            # Out of the part the transform is the inverse of that into it.
+            stored = _matrix(transform.axes if begins else tuple(zip(*transform.axes, strict=True)))
+            yield axes.VectorAxes("pose", stored, turns_orientations=False, cause=cause, rows=rows)
+
+
+def _transforms_of_parts(fit: FittedCause) -> Iterator[tuple[PoseTransform, RowRange, bool]]:
+    """Yield the transforms under which poses go on across a jump, with the rows of parts that it begins or ends."""
+    times_ns = fit.facts.clocks["pose"].times_ns
+    for alarm in fit.alarms:
+        features = alarm.statistic.features
+        parts = [feature for feature in features if isinstance(feature, PartBetweenJumps)]
+        for transform in (feature for feature in features if isinstance(feature, PoseTransform)):
+            for part in parts:
+                yield transform, _rows_between(times_ns, part.start_ns, part.stop_ns), part.begins
+
+
+def _rows_between(times_ns: NDArray[np.int64], start_ns: float, stop_ns: float) -> RowRange:
+    """Return the rows from one instant to another; to the end where the latter is infinite."""
+    first, last = np.searchsorted(times_ns, (start_ns, stop_ns))
+    return int(first), None if isinf(stop_ns) else int(last)
+
+
+def inverted_quaternions(fit: FittedCause) -> Faults:
+    """Yield inverses of quaternions, and of poses: in the part of the file that has them first, then in the whole."""
+    for transform, rows, _ in _transforms_of_parts(fit):
+        if transform.kind == "inverse":
+            yield motion.QuaternionInversion(rows)
+    yield motion.QuaternionInversion()
+    yield motion.PoseInversion()
 
 
 def _world_of(convention: InertialConvention, body: Matrix3) -> Matrix3:
@@ -114,7 +157,13 @@ def angle_unit(fit: FittedCause) -> Faults:
 
 
 def component_orders(fit: FittedCause) -> Faults:
-    """Yield orders under which IMU and poses agree, w put first twice where rates have its axes, and w first."""
+    """Yield orders under which IMU and poses agree, w put first twice where rates have its axes, and w first.
+
+    That of a part of the file comes first.
+    """
+    for transform, rows, _ in _transforms_of_parts(fit):
+        if transform.kind == "component_order":
+            yield motion.QuaternionOrder(rows=rows)
     conventions = [each.convention for each, rows in inertial_conventions(fit) if rows is None]
     orders = [motion.QuaternionOrder(each.component_order, each.quaternions.endswith("inverse"))
               for each in conventions if each.component_order is not None]  # fmt: skip
@@ -163,16 +212,29 @@ def gyro_bias(fit: FittedCause) -> Faults:
     """Yield biases of the gyro: of a part of the file first, then of the whole."""
     for part, rows in _biases_of_parts(fit, "rotation"):
         yield motion.GyroBias(part, rows)
-    if not _drifts(fit, "rotation") and (bias := vector("bias", fit.results.get("imu.rotation"))):
-        yield motion.GyroBias(bias)
+    if not _drifts(fit, "rotation"):
+        yield from map(motion.GyroBias, _vectors(fit, "rotation", "bias"))
 
 
 def accel_bias(fit: FittedCause) -> Faults:
     """Yield biases of the accelerometer: of a part of the file first, then of the whole."""
     for part, rows in _biases_of_parts(fit, "translation"):
         yield motion.AccelBias(part, rows)
-    if not _drifts(fit, "translation") and (bias := vector("bias", fit.results.get("imu.translation"))):
-        yield motion.AccelBias(bias)
+    if not _drifts(fit, "translation"):
+        yield from map(motion.AccelBias, _vectors(fit, "translation", "bias"))
+
+
+def _vectors(fit: FittedCause, kind: MotionKind, group: str) -> Iterator[Vector3]:
+    """Yield the fitted values of a group of three parameters: in place of the group that was freed first, then beside.
+
+    Beside a group that explains the same, the values are any.
+    """
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    fitted = (feature for feature in features if isinstance(feature, InertialParameter) and feature.kind == kind)
+    instead = dict.fromkeys(each.instead[group] for each in fitted if group in each.instead)
+    yield from ((x, y, z) for x, y, z in instead)
+    if beside := vector(group, fit.results.get(f"imu.{kind}")):
+        yield beside
 
 
 def _drifts(fit: FittedCause, kind: MotionKind) -> bool:
@@ -187,8 +249,7 @@ def _biases_of_parts(fit: FittedCause, kind: MotionKind) -> Iterator[tuple[Vecto
     features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
     for part in dict.fromkeys(feature for feature in features if isinstance(feature, BiasOfPart)):
         if part.kind == kind:
-            first, last = np.searchsorted(times_ns, (part.start_ns, part.stop_ns))
-            yield part.bias, (int(first), None if isinf(part.stop_ns) else int(last))
+            yield part.bias, _rows_between(times_ns, part.start_ns, part.stop_ns)
 
 
 def displaced_positions(fit: FittedCause) -> Faults:
@@ -198,13 +259,19 @@ def displaced_positions(fit: FittedCause) -> Faults:
     if any(isinstance(feature, LoneSamples | NoiseAtTimes) for feature in features):
         return  # of many jumps, the largest two are not those of one displacement
     for displaced in dict.fromkeys(feature for feature in features if isinstance(feature, DisplacedPositions)):
-        first, last = np.searchsorted(times_ns, (displaced.start_ns, displaced.stop_ns))
-        rows = int(first), None if isinf(displaced.stop_ns) else int(last)
+        rows = _rows_between(times_ns, displaced.start_ns, displaced.stop_ns)
         yield motion.Teleport(displaced.displacement_m, rows)
 
 
 def lever_arm(fit: FittedCause) -> Faults:
-    """Yield the displacement of the poses in the body, of which that of the IMU is measured to be the opposite."""
-    arm = vector("lever", fit.results.get("imu.translation"))
-    if fit.stream == "pose" and arm:
-        yield motion.PoseLeverArm((-arm[0], -arm[1], -arm[2]))
+    """Yield displacements of the poses in the body, those of a part first.
+
+    That of the IMU from the point of the poses is measured: that of the point of the poses is its opposite.
+    """
+    if fit.stream == "pose":
+        features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+        for paired in dict.fromkeys(feature for feature in features if isinstance(feature, PairedSteps)):
+            rows = _rows_between(fit.facts.clocks["pose"].times_ns, paired.start_ns, paired.stop_ns)
+            yield motion.PoseLeverArm(paired.arm_body_m, rows)
+        for x_m, y_m, z_m in _vectors(fit, "translation", "lever"):
+            yield motion.PoseLeverArm((-x_m, -y_m, -z_m))

@@ -247,7 +247,10 @@ def contradicts(
     # Where the clocks of both lie on the grid, values of one of them are those of another time.
     of_motion = cause == "time_offset" and family in _OF_MOTION and _failed(results.get(_INERTIAL))
     is_off_grid &= not (of_motion and all(name in places and places[name].place == "in" for name in _OF_MOTION))
-    is_of_another_body = family == "pose" and cause in _ATTITUDE_CONVENTIONS and _turns_with_depth(results)
+    # Attitudes of a part jump at its edges, and turn with depth in the rest.
+    of_a_part = _has_finding(results.get("pose.continuity"), "pose.continuity.rotation")
+    of_another_body = family == "pose" and cause in _ATTITUDE_CONVENTIONS and _turns_with_depth(results)
+    is_of_another_body = of_another_body and not of_a_part
     # An offset that leaves a correlation is within reach of ``event_response.timing``, which states its size.
     is_unsized = cause in ("time_offset", "time_unit") and magnitude is None and family in ("rgb", "events")
     is_within_reach = is_unsized and _events_follow(results)
@@ -270,7 +273,9 @@ def contradicts(
         return _frames_contradict(cause, stream, magnitude, results.get("flow_photometric.residual"))
     # Few events of another time leave what is measured of all as it is.
     are_strays = _has_finding(results.get("clocks.span"), "clocks.span.far") and family == "events"
-    if (cause, family) in _MEASURED and magnitude is not None and not are_strays:
+    # Nor does an offset of a part, into which the clock jumps.
+    jumps = cause == "time_offset" and _jumps(results.get("clocks.gaps"), family)
+    if (cause, family) in _MEASURED and magnitude is not None and not are_strays and not jumps:
         check, name = _MEASURED[cause, family]
         result = results.get(check)
         measurement = measured(result, name)
@@ -400,9 +405,12 @@ def _turns_with_depth(results: Results) -> bool:
     """Whether depth frames turn as the poses do, while the gyro does not.
 
     Attitudes of another body would turn the points of depth about other axes. Another world turns neither the depth
-    frames nor the gyro against the poses: it moves gravity alone.
+    frames nor the gyro against the poses: it moves gravity alone. Frames that are compared beside noise of the poses
+    leave room for it.
     """
-    return _passed(results.get("depth.consistency")) and _failed(results.get("imu.rotation"))
+    depth = results.get("depth.consistency")
+    beside_noise = measured(depth, "pose_correction") is not None
+    return _passed(depth) and not beside_noise and _failed(results.get("imu.rotation"))
 
 
 def _events_follow(results: Results) -> bool:
@@ -474,6 +482,15 @@ def _changes_sign(result: Result | None) -> bool:
 
 def _has_finding(result: Result | None, code: str) -> bool:
     return result is not None and any(finding.code == code for finding in result.findings)
+
+
+def _jumps(result: Result | None, family: str) -> bool:
+    """Whether the clock of a stream has steps of no whole number of periods, while all others keep the period."""
+    return result is not None and any(
+        finding.code == "clocks.gaps.jump" and stream_family(place.stream or "") == family
+        for finding in result.findings
+        for place in finding.all_places
+    )
 
 
 def _steps_back(result: Result | None, family: str) -> bool:

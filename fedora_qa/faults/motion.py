@@ -18,6 +18,7 @@ from fedora_qa.faults.fault import (
     signed_length,
     streams_in,
     values,
+    within,
 )
 from fedora_qa.geometry import so3
 from fedora_qa.sequence.facts import Facts
@@ -137,9 +138,12 @@ class PoseLeverArm:
     ----------
     arm_body_m
         From the body's origin to that point.
+    rows
+        The poses; None: all.
     """
 
     arm_body_m: Vector3
+    rows: RowRange | None = None
     cause: ClassVar[str] = "lever_arm"
     stream: ClassVar[str] = "pose"
 
@@ -163,7 +167,8 @@ class PoseLeverArm:
 
         def alter(read: Read, start: int, stop: int) -> NDArray[Any]:
             R_world_body = so3.matrices_from_quaternions(sequence.rows(_ORIENTATION, start, stop))
-            return np.asarray(read(start, stop) + R_world_body @ np.array(arm))
+            displaced = within(np.arange(start, stop), self.rows)[:, None]
+            return np.asarray(read(start, stop) + np.where(displaced, R_world_body @ np.array(arm), 0.0))
 
         return Fault(description, {_POSITION: alter})
 
@@ -178,10 +183,13 @@ class QuaternionOrder:
         Which of x, y, z, w (0 to 3) is stored at each place: (3, 0, 1, 2) for w, x, y, z.
     inverted
         Whether they rotate from world to body, too.
+    rows
+        The poses; None: all.
     """
 
     order: tuple[int, int, int, int] = (3, 0, 1, 2)
     inverted: bool = False
+    rows: RowRange | None = None
     cause: ClassVar[str] = "quaternion_order"
     stream: ClassVar[str] = "pose"
     magnitude: ClassVar[None] = None
@@ -192,32 +200,41 @@ class QuaternionOrder:
         description = f"quaternions are {', '.join('xyzw'[place] for place in order)}"
         if self.inverted:
             description += ", from world to body"
-        return _of_orientations(facts, description, lambda q: (so3.inverse(q) if self.inverted else q)[:, order])
+        return _of_orientations(
+            facts, description, lambda q: (so3.inverse(q) if self.inverted else q)[:, order], self.rows
+        )
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Return to x, y, z, w."""
         places = np.argsort(self.order)
         description = "quaternions back to x, y, z, w" + (", from body to world" if self.inverted else "")
         return _of_orientations(
-            facts, description, lambda q: so3.inverse(q[:, places]) if self.inverted else q[:, places]
+            facts, description, lambda q: so3.inverse(q[:, places]) if self.inverted else q[:, places], self.rows
         )
 
 
 @dataclass(frozen=True, slots=True)
 class QuaternionInversion:
-    """Quaternions rotate from world to body."""
+    """Quaternions rotate from world to body.
 
+    Attributes
+    ----------
+    rows
+        The poses; None: all.
+    """
+
+    rows: RowRange | None = None
     cause: ClassVar[str] = "quaternion_inverted"
     stream: ClassVar[str] = "pose"
     magnitude: ClassVar[None] = None
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Conjugate the quaternions."""
-        return _of_orientations(facts, "quaternions take the world to the body", so3.inverse)
+        return _of_orientations(facts, "quaternions take the world to the body", so3.inverse, self.rows)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Conjugate them again: conjugation is its own inverse."""
-        return _of_orientations(facts, "quaternions are inverted", so3.inverse)
+        return _of_orientations(facts, "quaternions are inverted", so3.inverse, self.rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -391,9 +408,11 @@ def _displaced(facts: Facts, key: str, description: str, vector: Vector3, rows: 
     return Fault(description, {key: in_rows(lambda vectors: vectors + np.array(vector), rows)})
 
 
-def _of_orientations(facts: Facts, description: str, alter: Callable[[NDArray[Any]], NDArray[Any]]) -> Fault:
+def _of_orientations(
+    facts: Facts, description: str, alter: Callable[[NDArray[Any]], NDArray[Any]], rows: RowRange | None = None
+) -> Fault:
     streams_in(facts, "pose")
-    return Fault(description, {_ORIENTATION: values(alter)})
+    return Fault(description, {_ORIENTATION: in_rows(alter, rows)})
 
 
 def long_quaternions(conditions: CanaryConditions) -> Fault:

@@ -9,7 +9,12 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import displaced_part, rounding_grid_ns, slewed_part
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
-from fedora_qa.estimators.imu.curvature import CurvatureEvenness, find_interpolation, lone_samples
+from fedora_qa.estimators.imu.curvature import (
+    CurvatureEvenness,
+    find_interpolation,
+    find_straight_lines,
+    lone_samples,
+)
 from fedora_qa.estimators.imu.repeated_samples import longest_hold, repeated_samples
 from fedora_qa.estimators.imu.sampled_curves import VectorSamples
 from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level
@@ -231,9 +236,15 @@ class ExcessNoise(Feature):
 
 
 def interpolation_of(poses: PoseSamples) -> CurvatureEvenness | None:
-    """Return the most uneven curvature of positions over strides of several samples; None without any curvature."""
-    resolution = stored_resolution(poses.positions_world_m)
-    return find_interpolation(poses.times_ns, VectorSamples(poses.positions_world_m), resolution=resolution)
+    """Return the most uneven curvature of positions over strides of several samples; None without any curvature.
+
+    Where that is even, the curvature of a part in which positions lie on straight lines within rounding.
+    """
+    resolution, curve = stored_resolution(poses.positions_world_m), VectorSamples(poses.positions_world_m)
+    whole = find_interpolation(poses.times_ns, curve, resolution=resolution)
+    if is_interpolated(whole):
+        return whole
+    return find_straight_lines(poses.times_ns, curve, resolution=resolution) or whole
 
 
 def is_interpolated(interpolation: CurvatureEvenness | None) -> bool:

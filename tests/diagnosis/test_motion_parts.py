@@ -91,6 +91,20 @@ def test_a_gross_fault_of_a_part_is_named_and_located(
     assert min(abs(diagnosis.where.start_us / 1e6 - instant_s) for instant_s in (START_S, STOP_S)) < 0.03
 
 
+@pytest.mark.parametrize("name", ["north-east-down", "inverse", "world axes"])
+def test_poses_of_a_part_in_another_convention_are_named_in_noise(tmp_path: Path, name: str) -> None:
+    """They jump at the edges of the part, and go on under the convention within noise."""
+    changes, cause = FAULTS[name]
+    samples = sample_motion(noise=NOISY)
+    part = (samples.pose_times_s >= START_S) & (samples.pose_times_s < STOP_S)
+    altered = {}
+    for field, change in changes.items():
+        altered[field] = getattr(samples, field).copy()
+        altered[field][part] = change(altered[field][part])
+    diagnosis = first_diagnosis(MotionFile(samples, NOISY).altered(**altered), tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == cause
+
+
 @pytest.mark.parametrize("stream", ["imu", "pose"])
 def test_timestamps_of_a_part_that_are_late_are_named_to_size(tmp_path: Path, stream: str) -> None:
     """A third of a millisecond in the middle disturbs every fit; the stamps themselves show it, exactly."""

@@ -319,3 +319,25 @@ def test_steps_of_the_opposite_sign_have_another_cause(step_percent: float, is_c
     fitted = Measurement("threshold_off", step_percent, "percent", 1.0, 0.0, 5.0, 6.0)
     results = {"event_response.threshold": Result("event_response.threshold", "failed", "off", measurements=(fitted,))}
     assert contradicts("threshold_misdeclared", "events", 50.0, results, {}) == is_contradicted
+
+
+@pytest.mark.parametrize("jumps", [True, False])
+def test_an_offset_of_a_part_changes_the_whole_by_less(*, jumps: bool) -> None:
+    """Where the clock itself jumps, a small offset of the whole contradicts no larger one of a part."""
+    whole = Measurement("time_offset", 0.003, "ms", 0.001, 0.0, 0.0031, 0.004)
+    jump = Finding("F1", "clocks.gaps.jump", "critical", "2 steps", Where("imu"))
+    results = {"imu.timing": Result("imu.timing", "passed", "one clock", measurements=(whole,))}
+    if jumps:
+        results["clocks.gaps"] = Result("clocks.gaps", "failed", "jumps", findings=(jump,))
+    assert contradicts("time_offset", "imu", 0.009, results, {}) is not jumps
+
+
+@pytest.mark.parametrize(("name", "is_contradicted"), [("frame", True), ("pose_correction", False)])
+def test_depth_beside_noise_of_poses_contradicts_no_convention(name: str, *, is_contradicted: bool) -> None:
+    """Exact depth frames turn as the poses do, or do not; corrections within noise leave either possible."""
+    compared = Measurement(name, 1.0, "1", 0.1, 1.0, 1.0, 1.0)
+    results = {
+        "depth.consistency": Result("depth.consistency", "passed", "in order", measurements=(compared,)),
+        "imu.rotation": Result("imu.rotation", "failed", "off"),
+    }
+    assert contradicts("quaternion_inverted", "pose", None, results, {}) == is_contradicted

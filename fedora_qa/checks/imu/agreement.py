@@ -1,7 +1,7 @@
 """The IMU compared with the poses: statistics of residuals and of fitted parameters."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -111,6 +111,8 @@ class InertialParameter(Feature):
         Absolute value over that of the largest component of its group's vector.
     explained
         Share of the explainable deviation that each group explains, as in ``ParameterEstimate``.
+    instead
+        Values of other groups in place of this one, as in ``ParameterEstimate``.
     """
 
     kind: MotionKind
@@ -119,6 +121,7 @@ class InertialParameter(Feature):
     standard_error: float
     component_ratio: float
     explained: Mapping[str, float]
+    instead: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -392,7 +395,13 @@ def parameter_statistics(
                 features=(
                     *defects,
                     InertialParameter(
-                        kind, name, parameter.value, parameter.standard_error, ratio, parameter.explained
+                        kind,
+                        name,
+                        parameter.value,
+                        parameter.standard_error,
+                        ratio,
+                        parameter.explained,
+                        parameter.instead,
                     ),
                 ),
             )

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, Literal
 
 import numpy as np
@@ -107,20 +108,40 @@ class DisplacedPositions(Feature):
 
 
 @dataclass(frozen=True, slots=True)
+class PartBetweenJumps(Feature):
+    """Poses of a part of the sequence between two jumps, or between one and an end of the sequence.
+
+    Attributes
+    ----------
+    start_ns, stop_ns
+        Of the first pose of the part and of the first one behind, ns from the file's origin; infinite at an end.
+    begins
+        Whether the part begins with the stated jump, across which transforms are tried. If not, it ends with it.
+    """
+
+    start_ns: float
+    stop_ns: float
+    begins: bool
+
+
+@dataclass(frozen=True, slots=True)
 class PairedSteps(Feature):
     """Two jumps of the position that cancel in the axes of the body and not in those of the world.
 
     Attributes
     ----------
-    length_m
-        Length of the vector in the body by which positions are displaced between the jumps, m, with the sign of its
-        largest component.
+    arm_body_m
+        (3,) vector in the body by which positions are displaced between the jumps, m.
     standard_error_m
-        Of the length, m.
+        Of its length, m.
+    start_ns, stop_ns
+        Of the first displaced pose and of the first one behind, ns from the file's origin.
     """
 
-    length_m: float
+    arm_body_m: tuple[float, float, float]
     standard_error_m: float
+    start_ns: float
+    stop_ns: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +179,8 @@ class PoseContinuity(WindowCheck[PoseSamples]):
     matched filter of a step). Of several widths and degrees, the one with the smallest error in this file is used.
     *Frozen poses*: poses that equal the one before in every bit while the body moves. *Straight lines*: the ratio of
     the median curvature between every n-th pose to that at every n-th pose, n from 2 to 20. It is 1 for any smooth or
-    noisy motion, and near 0 for linear interpolation; the limit is 0.2.
+    noisy motion, and near 0 for linear interpolation; the limit is 0.2. Of exact poses also the longest part in which
+    three straight lines of equal lengths, within rounding, follow each other.
 
     Noise model
     -----------
@@ -225,15 +247,15 @@ class PoseContinuity(WindowCheck[PoseSamples]):
             row, axis = (int(index) for index in np.unravel_index(np.argmax(excess), excess.shape))
             size, before = factor * float(steps.sizes[row, axis]), int(steps.before[row])
             transforms: tuple[Feature, ...]
+            partner = _partner(steps, sigma, row)
             if name == "position":
-                partner = _partner(steps, sigma, row)
                 transforms = (
                     *position_transforms(poses, before, sigma),
-                    *_paired_steps(poses, steps, sigma, row, partner),
-                    *_displaced_positions(poses, steps, sigma, row, partner),
+                    *_vectors_of_part(poses, steps, least_sigma, sigma, row, partner),
                 )
             else:
                 transforms = orientation_transforms(poses, before, sigma)
+            transforms = (*transforms, *_parts_between_jumps(poses, steps, row, partner))
             # Samples that repeat within the filter's reach have the effect of a jump: poses, or what jumps of them.
             values = values_of_kind[name]
             held_rows = repeated_samples(values, roundings=[stored_resolution(values)])
@@ -272,6 +294,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
         if interpolation is not None:
             own_hz = rate_hz(poses)
             knots_hz = own_hz / interpolation.stride
+            first, last = interpolation.rows or (0, -1)
             measurements.append(
                 Statistic(
                     name="curvature_evenness",
@@ -284,7 +307,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                     statement=f"Positions lie on straight lines between poses {interpolation.stride} apart: they are "
                     f"interpolated from {knots_hz:.4g} to {own_hz:.4g} Hz.",
                     code="pose.continuity.interpolated",
-                    where=location_of(facts, "pose", int(poses.times_ns[0]), int(poses.times_ns[-1])),
+                    where=location_of(facts, "pose", int(poses.times_ns[first]), int(poses.times_ns[last])),
                     features=(*of_timestamps, LinearInterpolation("pose", knots_hz)),
                 )
             )
@@ -300,46 +323,105 @@ def _partner(steps: StepEstimates, sigma_m: float, row: int) -> int | None:
     return partner if np.isfinite(excess_m[partner]) else None
 
 
-def _displaced_positions(
-    poses: PoseSamples, steps: StepEstimates, sigma_m: float, row: int, partner: int | None
-) -> tuple[DisplacedPositions, ...]:
-    """Return the displacement that a jump begins, and its partner ends; that of all later poses without a partner."""
-    rows = np.array(sorted((row, row if partner is None else partner)))
-    first_m, second_m = steps.sizes[rows]
-    start_ns = float(poses.times_ns[steps.before[rows[0]] + 1])
+def _parts_between_jumps(
+    poses: PoseSamples, steps: StepEstimates, row: int, partner: int | None
+) -> tuple[PartBetweenJumps, ...]:
+    """Return the part between a jump and its partner; without one those before and behind the jump."""
+    behind = steps.before[row] + 1
     if partner is None:
-        # Behind the last place at which a jump is estimated, a step is a return if it is nearer to one than to none.
-        behind = int(steps.before[-1])
-        turns_m = np.diff(poses.positions_world_m[behind:], 2, axis=0)
-        short_m = np.linalg.norm(turns_m + first_m, axis=1) - np.linalg.norm(turns_m, axis=1)
-        back = int(np.argmin(short_m)) if len(short_m) else 0
-        returns = len(short_m) > 0 and short_m[back] < 0
-        x_m, y_m, z_m = (float(value) for value in first_m)
-        stop_ns = float(poses.times_ns[behind + back + 2]) if returns else np.inf
-        return (DisplacedPositions((x_m, y_m, z_m), start_ns, stop_ns),)
-    noise_m = _PAIR_SIGMAS * sigma_m * float(np.linalg.norm(steps.gains[rows]))
-    if float(np.abs(first_m + second_m).max()) > noise_m + float(steps.motion[rows].sum()):
+        behind_ns = float(poses.times_ns[behind])
+        return (PartBetweenJumps(behind_ns, np.inf, True), PartBetweenJumps(-np.inf, behind_ns, False))
+    first, stop = sorted((behind, steps.before[partner] + 1))
+    return (PartBetweenJumps(float(poses.times_ns[first]), float(poses.times_ns[stop]), bool(behind == first)),)
+
+
+def _vectors_of_part(
+    poses: PoseSamples, steps: StepEstimates, least_sigma_m: float, sigma_m: float, row: int, partner: int | None
+) -> tuple[Feature, ...]:
+    """Return the vector by which positions are displaced between a jump and its partner, in the body or the world."""
+    if partner is None:
+        return _displaced_to_end(poses, steps, row)
+    rows = np.array(sorted((row, partner)))
+    pair, sigma_m = _estimated_again(poses, steps, rows, least_sigma_m, sigma_m)
+    return *_paired_steps(poses, pair, sigma_m), *_displaced_positions(poses, pair, sigma_m)
+
+
+def _estimated_again(
+    poses: PoseSamples, steps: StepEstimates, rows: NDArray[np.intp], least_sigma_m: float, sigma_m: float
+) -> tuple[StepEstimates, float]:
+    """Return two jumps by the filter that is most precise in the noise of poses between which none is, and that noise.
+
+    The jumps themselves are in the noise of the whole, of which the filter was chosen.
+    """
+    pair = StepEstimates(steps.before[rows], steps.sizes[rows], steps.gains[rows], steps.motion[rows], steps.reach)
+    edges = (0, *(pair.before + 1), len(poses.times_ns))
+    levels = [
+        level.sigma
+        for first, stop in pairwise(edges)
+        if stop - first >= _FEWEST_POSES
+        and (level := noise_level(poses.times_ns[first:stop], VectorSamples(poses.positions_world_m[first:stop]),
+                                  order=NOISE_ORDER)) is not None
+    ]  # fmt: skip
+    own_sigma_m = max(least_sigma_m, min(levels, default=sigma_m))
+    curve = VectorSamples(poses.positions_world_m)
+    for width, degree in _STEP_FILTERS:
+        if 4 * width > len(poses.times_ns):
+            continue
+        steps_of_width = find_steps(poses.times_ns, curve, half_width=width, degree=degree, sigma=own_sigma_m)
+        places = np.searchsorted(steps_of_width.before, pair.before)
+        if np.any(places >= len(steps_of_width.before)) or not np.array_equal(
+            steps_of_width.before[places], pair.before
+        ):
+            continue
+        other = StepEstimates(
+            pair.before,
+            steps_of_width.sizes[places],
+            steps_of_width.gains[places],
+            steps_of_width.motion[places],
+            steps_of_width.reach,
+        )
+        pair = most_precise_steps((pair, other), own_sigma_m)
+    return pair, own_sigma_m
+
+
+def _displaced_to_end(poses: PoseSamples, steps: StepEstimates, row: int) -> tuple[DisplacedPositions, ...]:
+    """Return the displacement of all poses behind a jump, or up to a return too near to the end to be estimated."""
+    step_m = steps.sizes[row]
+    # Behind the last place at which a jump is estimated, a step is a return if it is nearer to one than to none.
+    behind = int(steps.before[-1])
+    turns_m = np.diff(poses.positions_world_m[behind:], 2, axis=0)
+    short_m = np.linalg.norm(turns_m + step_m, axis=1) - np.linalg.norm(turns_m, axis=1)
+    back = int(np.argmin(short_m)) if len(short_m) else 0
+    returns = len(short_m) > 0 and short_m[back] < 0
+    x_m, y_m, z_m = (float(value) for value in step_m)
+    stop_ns = float(poses.times_ns[behind + back + 2]) if returns else np.inf
+    return (DisplacedPositions((x_m, y_m, z_m), float(poses.times_ns[steps.before[row] + 1]), stop_ns),)
+
+
+def _displaced_positions(poses: PoseSamples, pair: StepEstimates, sigma_m: float) -> tuple[DisplacedPositions, ...]:
+    """Return the displacement that a jump begins, and another one ends; none where they do not cancel."""
+    first_m, second_m = pair.sizes
+    noise_m = _PAIR_SIGMAS * sigma_m * float(np.linalg.norm(pair.gains))
+    if float(np.abs(first_m + second_m).max()) > noise_m + float(pair.motion.sum()):
         return ()
     # Both measured the displacement.
     x_m, y_m, z_m = (float(value) for value in (first_m - second_m) / 2)
-    return (DisplacedPositions((x_m, y_m, z_m), start_ns, float(poses.times_ns[steps.before[rows[1]] + 1])),)
+    start_ns, stop_ns = (float(time_ns) for time_ns in poses.times_ns[pair.before + 1])
+    return (DisplacedPositions((x_m, y_m, z_m), start_ns, stop_ns),)
 
 
-def _paired_steps(
-    poses: PoseSamples, steps: StepEstimates, sigma_m: float, row: int, partner: int | None
-) -> tuple[PairedSteps, ...]:
+def _paired_steps(poses: PoseSamples, pair: StepEstimates, sigma_m: float) -> tuple[PairedSteps, ...]:
     """Return the jump that cancels another one in the axes of the body.
 
     A point l of the body lies ``R_world_body l`` from its origin. Positions of that point during a part of the sequence
     jump by ``R l`` at its start and by ``-R' l`` at its end. The two jumps cancel in the axes of the body; they cancel
     in those of the world only if the body has not turned between them, and then a shifted origin has the same effect.
     """
-    if partner is None:
-        return ()
-    rows = np.array(sorted((row, partner)))
-    # R^T rotates each jump into the axes of the body.
-    jumps_m, errors_m = steps.sizes[rows], sigma_m * steps.gains[rows]
-    R_world_body = so3.matrices_from_quaternions(so3.normalise(poses.orientations_xyzw[steps.before[rows]]))
+    # R^T rotates each jump into the axes of the body. A jump lies half a step from the pose on either side: of the
+    # first pose of the part and of its last one, the turns of that half step cancel in the mean.
+    jumps_m, errors_m = pair.sizes, sigma_m * pair.gains
+    edges = np.array([pair.before[0] + 1, pair.before[1]])
+    R_world_body = so3.matrices_from_quaternions(so3.normalise(poses.orientations_xyzw[edges]))
     first_body_m, second_body_m = np.einsum("nji,nj->ni", R_world_body, jumps_m)
     sum_body_m = float(np.abs(first_body_m + second_body_m).max())
     sum_world_m = float(np.abs(jumps_m.sum(axis=0)).max())
@@ -347,10 +429,10 @@ def _paired_steps(
     # Steps that cancel in the world may be a shifted origin; steps that do not cancel in the body are no lever arm.
     if sum_world_m <= noise_m or sum_body_m > max(noise_m, _BODY_RATIO * sum_world_m):
         return ()
-    # l and -l were measured: their mean halves the variance; its sign is that of its largest component.
-    arm_m = (first_body_m - second_body_m) / 2
-    length_m = float(np.copysign(np.linalg.norm(arm_m), arm_m[np.argmax(np.abs(arm_m))]))
-    return (PairedSteps(length_m, float(np.linalg.norm(errors_m)) / 2),)
+    # l and -l were measured: their mean halves the variance.
+    x_m, y_m, z_m = (float(value) for value in (first_body_m - second_body_m) / 2)
+    start_ns, stop_ns = (float(time_ns) for time_ns in poses.times_ns[pair.before + 1])
+    return (PairedSteps((x_m, y_m, z_m), float(np.linalg.norm(errors_m)) / 2, start_ns, stop_ns),)
 
 
 def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tuple[PoseTransform, ...]:

@@ -48,6 +48,9 @@ timestamp, and the rounding of the period."""
 _SEGMENT: Final = 64
 """Samples of a segment. Segments are tested separately, so that the grid of a part of the stream is detected."""
 
+_SHORT_SEGMENT: Final = 32
+"""Samples of a segment where no longer one has a grid. They overlap by half."""
+
 _FEWEST_ODD: Final = 4
 """Least number of steps of the rarer length in a segment. Fewer can be single gaps."""
 
@@ -390,11 +393,21 @@ def rounding_grid_ns(times_ns: Int64, *, resolution_ns: int) -> int:
     Returns
     -------
     int
-        Median of the grids of all segments of 64 samples that have one, ns.
+        Median of the grids of all segments of 64 samples that have one, ns; without any, of segments of 32.
     """
     segments = times_ns[: len(times_ns) // _SEGMENT * _SEGMENT].reshape(-1, _SEGMENT)
+    grids = _rounding_grids_ns(segments, resolution_ns)
+    if not grids and len(times_ns) >= _SHORT_SEGMENT:
+        # A part that is shorter than two segments may fill none of them.
+        windows = np.lib.stride_tricks.sliding_window_view(times_ns, _SHORT_SEGMENT)
+        grids = _rounding_grids_ns(windows[:: _SHORT_SEGMENT // 2], resolution_ns)
+    return int(np.median(grids)) if grids else 0
+
+
+def _rounding_grids_ns(segments: Int64, resolution_ns: int) -> list[int]:
+    """Return the grids of those of some segments (n, m) of timestamps that have one."""
     if not len(segments):
-        return 0
+        return []
     steps = np.diff(segments, axis=1)
     short, long = steps.min(axis=1), steps.max(axis=1)
     coarse = (short >= 0) & (long - short > resolution_ns)
@@ -413,4 +426,4 @@ def rounding_grid_ns(times_ns: Int64, *, resolution_ns: int) -> int:
         slope = float(numbers @ elapsed) / float(numbers @ numbers)
         if float(np.ptp(elapsed - slope * numbers)) <= _OF_A_GRID * grid:
             grids.append(grid)
-    return int(np.median(grids)) if grids else 0
+    return grids

@@ -7,7 +7,7 @@ errors, and one fault changes one group.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -84,6 +84,9 @@ class ParameterEstimate:
         Share (0 to 1) of the residual squares that each rival group explains alone, by the name of the group. For
         rivals freed before this group it is the share of all that the parameters can explain. For other rivals, where
         this group is free, it is the share of what the groups freed before leave unexplained.
+    instead
+        Of a freed group: values of each group that was not freed, fitted in its place beside the other freed ones, by
+        the name of the group. Beside this group, a rival that explains the same has any value.
     """
 
     value: float
@@ -92,6 +95,7 @@ class ParameterEstimate:
     determined: bool
     free: bool
     explained: Mapping[str, float]
+    instead: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,6 +222,7 @@ class GroupedFit:
             model_errors = (np.abs(inverse @ self._sums.model_right[columns]) + by_biases) / attenuation
             errors = errors / attenuation
             own = self.parameters.groups[group]
+            instead = self._instead_of(group) if group in self.free else {}
             for column, nominal_error in zip(own, self._nominal_errors(own), strict=True):
                 row = columns.index(column)
                 # The detection limit is useful under noise alone, and is not in this fit.
@@ -226,9 +231,19 @@ class GroupedFit:
                 model_error = model_errors[row] if determined else max(model_errors[row], abs(values[row]))
                 fitted[self.parameters.names[column]] = ParameterEstimate(
                     float(values[row]), float(errors[row]), float(model_error), bool(determined),
-                    group in self.free, self._explained[group],
+                    group in self.free, self._explained[group], instead,
                 )  # fmt: skip
         return fitted
+
+    def _instead_of(self, group: str) -> dict[str, tuple[float, ...]]:
+        """Return the values of each group that was not freed, fitted in place of a freed one beside the others."""
+        others = self._columns([free for free in self.free if free != group])
+        values = {}
+        for rival in (each for each in self.parameters.groups if each not in self.free):
+            columns = [*others, *self.parameters.groups[rival]]
+            fitted = inverse_of(self._normal[np.ix_(columns, columns)]) @ self._right[columns]
+            values[rival] = tuple(float(value) for value in fitted[len(others) :])
+        return values
 
     def _nominal_errors(self, columns: Sequence[int]) -> Float64:
         """Return the standard errors of parameters that are fitted alone to residuals of noise as declared."""

@@ -29,6 +29,14 @@ _CURVATURE_ROUNDINGS: Final = 100.0
 """Units of rounding that the curvature at knots must exceed: below it both medians result from rounding alone."""
 
 
+_STRAIGHT_ROUNDINGS: Final = 4.0
+"""Units of rounding that the curvature of rounded samples of a straight line does not exceed: each of the three samples
+is off by half a unit on each of three axes, and the spacing doubles at powers of two."""
+
+_FEWEST_LINES: Final = 3
+"""Least number of straight lines in succession: with fewer, their equal lengths say nothing."""
+
+
 @dataclass(frozen=True, slots=True)
 class CurvatureEvenness:
     """Ratio of the curvature of a motion between every ``stride``-th sample to that at these samples.
@@ -40,10 +48,13 @@ class CurvatureEvenness:
         0 where samples were interpolated linearly from every ``stride``-th.
     stride
         Distance of these samples, in samples.
+    rows
+        First and last sample of the part of the curve that was compared; None: all of it.
     """
 
     evenness: float
     stride: int
+    rows: tuple[int, int] | None = None
 
 
 def lone_samples(times_ns: Int64, curve: SampledCurve) -> tuple[Indices, Float64]:
@@ -123,6 +134,54 @@ def find_interpolation(times_ns: Int64, curve: SampledCurve, *, resolution: floa
                 of_rest = among_rest + np.searchsorted(ranks - np.arange(len(ranks)), among_rest, side="right")
                 candidates.append(CurvatureEvenness(_mean_of_two(ranked[of_rest]) / at_knots, stride))
     return min(candidates, key=lambda candidate: (round(candidate.evenness, 2), candidate.stride), default=None)
+
+
+def find_straight_lines(times_ns: Int64, curve: SampledCurve, *, resolution: float) -> CurvatureEvenness | None:
+    """Return the part of a curve without noise in which samples lie on straight lines of equal lengths.
+
+    No motion is straight within rounding up to a sample and bent at it, sample for sample at equal distances. The last
+    line may be shorter or longer than the others.
+
+    Parameters
+    ----------
+    times_ns, curve, resolution
+        As of ``find_interpolation``.
+
+    Returns
+    -------
+    CurvatureEvenness or None
+        Of the longest such part; None where there is none.
+    """
+    rows = stencils_of(times_ns, 3)[:, 1]
+    bends = np.linalg.norm(divided_differences(times_ns, curve, 2), axis=-1)
+    if len(rows) != len(bends) or not len(rows) or not resolution > 0:
+        return None
+    # Knots, and the numbers of straight samples behind each of them up to the next one.
+    knots = np.flatnonzero(bends > _STRAIGHT_ROUNDINGS * resolution)
+    lines = np.diff(np.r_[-1, knots, len(bends)]) - 1
+    # Successive lines of equal lengths, from a knot to a knot.
+    inner = lines[1:-1]
+    starts = np.r_[0, np.flatnonzero(np.diff(inner)) + 1] if len(inner) else np.empty(0, dtype=np.intp)
+    counts = np.diff(np.r_[starts, len(inner)])
+    best: CurvatureEvenness | None = None
+    for start, count in zip(starts, counts, strict=True):
+        if inner[start] == 0 or count < _FEWEST_LINES - 1:
+            continue
+        # A line of another length behind them counts as the last one; so does one that reaches the end.
+        others = int(lines[start + count + 1] > 0)
+        first, last = int(knots[start]), int(knots[start + count])
+        at_knots = float(np.median(bends[knots[start : start + count + 1]]))
+        if count + others < _FEWEST_LINES or at_knots <= _CURVATURE_ROUNDINGS * resolution:
+            continue
+        last = min(last + int(lines[start + count + 1]) + 1, len(bends) - 1) if others else last
+        part = CurvatureEvenness(
+            float(np.median(bends[bends <= _STRAIGHT_ROUNDINGS * resolution])) / at_knots,
+            int(inner[start]) + 1,
+            (int(rows[first]), int(rows[last])),
+        )
+        if best is None or best.rows is None or last - first > best.rows[1] - best.rows[0]:
+            best = part
+    return best
 
 
 def _median_ranks(count: int) -> list[int]:

@@ -218,6 +218,13 @@ def test_part_of_a_stream() -> None:
     assert rounding_grid_ns(times_ns, resolution_ns=US) == 700 * US
 
 
+def test_short_part_of_a_short_stream() -> None:
+    """Fifty rounded timestamps within a hundred fill no long segment, and a short one."""
+    times_ns = timestamps_ns(5000.0, 101)
+    times_ns[25:75] = rounded(times_ns[25:75], 2100)
+    assert rounding_grid_ns(times_ns, resolution_ns=US) == 2100 * US
+
+
 @pytest.mark.parametrize("lost", [[100], [90, 91, 92], [70, 90, 101, 125]])
 def test_lost_samples_are_no_grid(lost: list[int]) -> None:
     """Gaps are whole periods, yet lie off the line of a rounded clock."""

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.imu.curvature import find_interpolation, lone_samples
+from fedora_qa.estimators.imu.curvature import find_interpolation, find_straight_lines, lone_samples
 from fedora_qa.estimators.imu.jumps import find_steps
 from fedora_qa.estimators.imu.repeated_samples import repeated_samples
 from fedora_qa.estimators.imu.sampled_curves import VectorSamples, divided_differences
@@ -80,3 +80,28 @@ def test_lone_samples_are_counted_and_noise_is_not(times_ns: NDArray[np.int64]) 
     noise = 0.003 * np.random.default_rng(7).standard_normal(motion.shape)
     for values in (motion, motion + noise, jumped):
         assert not len(lone_samples(times_ns, VectorSamples(values))[0])
+
+
+@pytest.mark.parametrize("stride", [3, 12, 35])
+def test_straight_lines_of_a_part_are_found_with_their_rows(stride: int) -> None:
+    """Poses between every n-th one lie on lines from row 60 to row 200; what lies outside is a motion."""
+    positions_m = RESTLESS.positions_m(TIMES_S)
+    knots = np.arange(60, 201, stride)
+    part = np.arange(60, knots[-1] + 1)
+    for axis in range(3):
+        positions_m[part, axis] = np.interp(TIMES_S[part], TIMES_S[knots], positions_m[knots, axis])
+    resolution = float(np.spacing(np.abs(positions_m).max()))
+    found = find_straight_lines(TIMES_NS, VectorSamples(positions_m), resolution=resolution)
+    assert found is not None
+    assert found.stride == stride
+    assert found.rows == (60, knots[-1])
+    assert found.evenness < 1e-6
+
+
+def test_a_motion_lies_on_no_straight_lines() -> None:
+    """Neither does a body at rest, nor one that keeps its velocity and turns once."""
+    motion_m = RESTLESS.positions_m(TIMES_S)
+    turned_m = np.abs(TIMES_S - TIMES_S[len(TIMES_S) // 2])[:, None] * [1.0, 0.5, 0.0]
+    for positions_m in (motion_m, np.ones_like(motion_m), turned_m):
+        resolution = float(np.spacing(np.abs(positions_m).max()))
+        assert find_straight_lines(TIMES_NS, VectorSamples(positions_m), resolution=resolution) is None
