@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import group_of
 from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates
+from fedora_qa.estimators.imu.noisy_conventions import explain_in_noise
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
 from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, fit_inertial
 from fedora_qa.estimators.imu.specific_force import upright
@@ -353,7 +354,8 @@ def convention_trial(streams: InertialStreams, kind: MotionKind, fit: InertialFi
     if fit.settled and not _exceeds(fit, 1.0) and excess < _EXCESS_SIGMAS * fit.rms_error:
         return None
     position_m, rotation_rad = measured_pose_sigmas(streams.poses)
-    for interval_s in (None, fit.disturbed) if fit.disturbed else (None,):
+    part_s = fit.disturbed or _within(fit.noisy_part, streams.samples)
+    for interval_s in (None, part_s) if part_s else (None,):
         samples = streams.samples
         if interval_s is not None:
             step_s = _EDGE_STEPS * float(np.median(np.diff(samples.pose_times_s)))
@@ -368,11 +370,24 @@ def convention_trial(streams: InertialStreams, kind: MotionKind, fit: InertialFi
             convention = explain_forces(
                 samples, streams.noise.gravity_m_s2, position_m, by_rates.angle_signs, by_rates.sensor_axes
             )
+        is_noisy = max(streams.noise.position_sigma_m, streams.noise.rotation_sigma_rad) > 0
+        if convention is None and is_noisy and (interval_s is None or fit.disturbed is None):
+            # Few means of noisy poses show nothing: all samples together do.
+            convention = explain_in_noise(samples, streams.noise, ROTATION if kind == "rotation" else TRANSLATION)
         # The declared convention has the complexity 0; it reduces no residual.
         if convention is not None and convention.complexity > 0:
             streams.trials[kind] = InertialConventionTrial(convention, interval_s, kind)
             break
     return streams.trials[kind]
+
+
+def _within(part_s: tuple[float, float] | None, samples: InertialSamples) -> tuple[float, float] | None:
+    """Return the ends of a part within the samples of both streams."""
+    if part_s is None:
+        return None
+    first_s = max(float(samples.imu_times_s[0]), float(samples.pose_times_s[0]))
+    last_s = min(float(samples.imu_times_s[-1]), float(samples.pose_times_s[-1]))
+    return max(part_s[0], first_s), min(part_s[1], last_s)
 
 
 def _convention_of_rates(streams: InertialStreams) -> InertialConvention:

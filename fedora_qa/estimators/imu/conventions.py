@@ -33,16 +33,16 @@ Axes = tuple[tuple[float, ...], ...]
 Float64 = NDArray[np.float64]
 
 _AXES: Final[Axes] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-_QUATERNION_CONVENTIONS: Final[tuple[QuaternionConvention, ...]] = ("xyzw", "wxyz", "inverse", "wxyz inverse")
+QUATERNION_CONVENTIONS: Final[tuple[QuaternionConvention, ...]] = ("xyzw", "wxyz", "inverse", "wxyz inverse")
 _RARE_ORDERS: Final[tuple[QuaternionConvention, ...]] = tuple(
-    order for order in map("".join, permutations("xyzw")) if order not in _QUATERNION_CONVENTIONS
+    order for order in map("".join, permutations("xyzw")) if order not in QUATERNION_CONVENTIONS
 )
 """Orders of components that no library writes; a loop that is written by hand does."""
 _AS_DECLARED: Final[AngleSigns] = (1, 1, 1)
 _ANGLE_SIGNS: Final[tuple[AngleSigns, ...]] = ((-1, 1, 1), (1, -1, 1), (1, 1, -1), (-1, -1, -1))
 """Signs of yaw, pitch and roll with which attitudes are not those of another body in another world: two reversed angles
 are a reversed axis of both, as a left-handed frame has it."""
-_RATE_UNITS: Final = (1.0, float(np.degrees(1.0)), float(np.radians(1.0)), 1e3, 30.0 / pi, 0.5 / pi)
+RATE_UNITS: Final = (1.0, float(np.degrees(1.0)), float(np.radians(1.0)), 1e3, 30.0 / pi, 0.5 / pi)
 """Rad/s, deg/s, rad/s that were converted to rad/s once more, mrad/s, and turns a minute and a second, in a rad/s."""
 _LENGTH_UNITS: Final = (1.0, 100.0, 1e3)
 """Metres, centimetres and millimetres, in a metre."""
@@ -226,7 +226,7 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvent
             exchanges.extend(_turn(by_pose, by_gyro, variance))
         for axes in exchanges:
             turned = by_pose @ np.array(axes).T
-            for unit in _RATE_UNITS:
+            for unit in RATE_UNITS:
                 residual = _mean_square(by_gyro / unit - turned) / variance
                 candidates.append(
                     InertialConvention(
@@ -459,7 +459,7 @@ def _simplest(candidates: list[InertialConvention]) -> InertialConvention | None
 
 def _attitudes(stored: Float64) -> Iterator[tuple[QuaternionConvention, AngleSigns, Float64]]:
     """Yield conventions of attitudes, and quaternions (n, 4) x, y, z, w, body to world, of those stored under them."""
-    for quaternions in (*_QUATERNION_CONVENTIONS, *_RARE_ORDERS):
+    for quaternions in (*QUATERNION_CONVENTIONS, *_RARE_ORDERS):
         order = InertialConvention(quaternions).component_order
         q = stored if order is None else stored[:, np.argsort(order)]
         yield quaternions, _AS_DECLARED, so3.inverse(q) if quaternions.endswith("inverse") else q

@@ -9,7 +9,7 @@ bias does not affect add to A and not to b, so that a part that is too long remo
 Another gain of a part is placed in the same way, by the jacobian of the gain.
 
 A row at an edge of the part is affected in proportion to the time of it that lies within, which gives the edges between
-rows. The errors of neighbouring rows are taken as independent: in noise of the poses only a large bias is placed.
+rows. The errors of neighbouring rows are taken as independent; in noise of the poses ``noisy_part`` places the part.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.grouped_fit import GroupedFit, ParameterEstimate
 from fedora_qa.estimators.fitting.robust import SensitivityRange, sensitivity_range
+from fedora_qa.estimators.imu.noisy_part import PartialBias, noisy_part
 from fedora_qa.estimators.imu.samples import ComparisonRows
 
 Float64 = NDArray[np.float64]
@@ -61,29 +62,6 @@ _LEAST_OUTSIDE: Final = 0.1
 
 _COURSE_POINTS: Final = 1000
 """Most points of the course of residuals."""
-
-
-@dataclass(frozen=True, slots=True)
-class PartialBias:
-    """A bias of the sensor within a part of the sequence.
-
-    Attributes
-    ----------
-    bias
-        (3,) along the axes of the sensor, in its unit.
-    start_s, stop_s
-        Of the part, s; infinite where it reaches an end of the sequence.
-    explained
-        Share of the weighted squares beyond noise that it removes, 0 to 1.
-    left_within
-        Share of the weighted squares of rows wholly within the part that it leaves, 0 to 1.
-    """
-
-    bias: tuple[float, float, float]
-    start_s: float
-    stop_s: float
-    explained: float
-    left_within: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -369,6 +347,9 @@ class InertialFit:
     disturbed
         First and last instant, s, at which the streams as declared differ by more than all noise, if they agree
         outside; None where they agree everywhere or nowhere.
+    noisy_part
+        First and last instant, s, of the part whose bias leaves what noise explains, where no single row exceeds all
+        noise; infinite where it reaches an end of the sequence, None without one.
     course
         (n, 2) instant, s, and length of the residual of the samples as declared, without any parameter: the longest
         of each of n <= 1000 runs of rows.
@@ -395,6 +376,7 @@ class InertialFit:
     worst: WorstRow
     local_deviations: Mapping[str, LocalDeviation]
     disturbed: tuple[float, float] | None
+    noisy_part: tuple[float, float] | None
     course: Float64
     partial_bias: PartialBias | None
     partial_gain: PartialGain | None
@@ -501,15 +483,19 @@ def summarise(
     longest = np.minimum.reduceat(np.where(is_longest, numbers, len(numbers)), starts)
     # Near its limit a parameter is measured and not freed: all of them count.
     all_values = fit.values_of_all() - linearised_at
-    left = sum(
-        float(np.sum(np.square((rows.residuals - rows.jacobians @ all_values) / rows.sigmas))) for rows in segments
-    )
+    left_by_whole = [rows.residuals - rows.jacobians @ all_values for rows in segments]
+    left = sum(float(np.sum(np.square(r / rows.sigmas))) for rows, r in zip(segments, left_by_whole, strict=True))
     bias, gain = partial_bias(declared, centre=centre, left_by_whole=left), None
     if "scale" in fit.parameters.names:
         column = fit.parameters.names.index("scale")
         gain = partial_gain(declared, column=column, centre=centre, left_by_whole=left)
         if gain is not None and bias is not None and gain.left_within >= bias.left_within:
             gain = None
+    in_noise = None
+    if bias is None and gain is None and sum(map(len, declared)) == sum(map(len, segments)):
+        in_noise = noisy_part(declared, left_by_whole, centre=centre, parameters=len(all_values))
+        if in_noise is not None and in_noise.explained >= _LEAST_EXPLAINED:
+            bias = in_noise
     return InertialFit(
         parameters=fit.fitted(),
         settled=settled,
@@ -524,6 +510,7 @@ def summarise(
         worst=max(worst_rows, key=lambda row: abs(row.value) / row.sigma),
         local_deviations=local_deviations,
         disturbed=disturbed,
+        noisy_part=None if in_noise is None else (in_noise.start_s, in_noise.stop_s),
         course=np.stack([times_s[longest], lengths[longest]], axis=1),
         partial_bias=None if gain is not None else bias,
         partial_gain=gain,
