@@ -91,10 +91,14 @@ def test_a_gross_fault_of_a_part_is_named_and_located(
     assert min(abs(diagnosis.where.start_us / 1e6 - instant_s) for instant_s in (START_S, STOP_S)) < 0.03
 
 
-@pytest.mark.parametrize("name", ["north-east-down", "inverse", "world axes"])
-def test_poses_of_a_part_in_another_convention_are_named_in_noise(tmp_path: Path, name: str) -> None:
+OF_POSES = ("north-east-down", "inverse", "world axes")
+
+
+@pytest.mark.parametrize(("changes", "cause"), [FAULTS[name] for name in OF_POSES], ids=OF_POSES)
+def test_poses_of_a_part_in_another_convention_are_named_in_noise(
+    tmp_path: Path, changes: dict[str, Callable[[Float64], Float64]], cause: tuple[str, str]
+) -> None:
     """They jump at the edges of the part, and go on under the convention within noise."""
-    changes, cause = FAULTS[name]
     samples = sample_motion(noise=NOISY)
     part = (samples.pose_times_s >= START_S) & (samples.pose_times_s < STOP_S)
     altered = {}

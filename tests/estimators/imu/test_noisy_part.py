@@ -20,8 +20,9 @@ def second_differences(bias: Float64, seed: int) -> ComparisonRows:
     residuals = np.diff(noise_m, 2, axis=0) / STEP_S + STEP_S * bias
     bands = np.array([1.0, -4.0, 6.0])[:, None] * np.ones(ROWS) * (SIGMA_M / STEP_S) ** 2
     jacobians = STEP_S * np.broadcast_to(np.eye(3), (ROWS, 3, 3))
+    times_s = STEP_S * np.arange(ROWS, dtype=np.float64)
     return ComparisonRows(
-        np.arange(ROWS), STEP_S * np.arange(ROWS), np.full(ROWS, STEP_S), residuals, np.zeros((ROWS, 3)),
+        np.arange(ROWS), times_s, np.full(ROWS, STEP_S), residuals, np.zeros((ROWS, 3)),
         jacobians, jacobians, np.stack([bands] * 3),
     )  # fmt: skip
 
