@@ -111,11 +111,6 @@ def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Iterable[tuple[str,
     )
 
 
-def _is_apart(ratio: float) -> bool:
-    """Whether noise tells a ratio of units from 1, to which those of yard and metre are too near."""
-    return abs(ratio - 1.0) > _SAME_FACTOR
-
-
 def axes_cause(axes: Axes) -> str:
     """Return the cause of axes: an exchange of two, or another convention."""
     matrix = np.array(axes)
@@ -196,9 +191,8 @@ def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     Noise of positions may also be due to a lever arm: noise of the orientation moves a point far from the body's
     origin.
     """
-    hypotheses = noise_hypotheses(
-        alarm, "pose", [("unit_mm_m", ratio) for ratio in length_units.RATIOS if _is_apart(ratio)]
-    )
+    units = [("unit_mm_m", ratio) for ratio in length_units.DECIMAL_RATIOS]
+    hypotheses = noise_hypotheses(alarm, "pose", units)
     if alarm.finding.code != "pose.noise.position":
         return hypotheses
     noise = only_feature(alarm.statistic.features, MeasuredNoise)
