@@ -338,6 +338,9 @@ def odd_centres(facts: Facts) -> tuple[PrincipalPointShift, ...]:
     cameras = facts.declared.cameras
     offsets_px = {name: convention_offset_px(camera) for name, camera in cameras.items()}
     shifts = [PrincipalPointShift("metadata", px, px, name) for name, px in offsets_px.items() if px]
+    if len(shifts) == len(cameras) > 1 and len(set(offsets_px.values())) == 1:
+        # One writer declared all of them.
+        shifts.insert(0, replace(shifts[0], camera=None))
     odd = [name for name, camera in cameras.items() if not is_chosen(camera, "intrinsics_centre")]
     if len(odd) == 1 and len(cameras) > 1:
         camera, common_px = cameras[odd[0]], {px for name, px in offsets_px.items() if name != odd[0]}

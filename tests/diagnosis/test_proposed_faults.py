@@ -292,6 +292,17 @@ def test_a_principal_point_by_another_convention_or_by_none_is_moved_back(offset
     assert [each.magnitude for each in hypotheses_of_centres(facts)] == pytest.approx([first.magnitude])
 
 
+def test_one_convention_of_all_cameras_is_undone_in_all() -> None:
+    """Those that remain are tried one by one."""
+    facts = facts_of(memory_sequence())
+    for name in facts.declared.cameras:
+        facts = with_camera(facts, name, from_middle_px=1.0)
+    faults = list(faults_for("intrinsics_centre", "metadata", 1.0, (), {}, facts))
+    shifts = [fault for fault in faults if isinstance(fault, PrincipalPointShift)]
+    assert [shift.camera for shift in shifts[:4]] == [None, *facts.declared.cameras]
+    assert {(shift.columns_px, shift.rows_px) for shift in shifts[:4]} == {(1.0, 1.0)}
+
+
 def test_principal_points_of_calibrations_propose_nothing() -> None:
     """Where two cameras have one by no convention, as cameras that were measured do, or none has, no camera is odd."""
     facts = with_camera(facts_of(memory_sequence()), "depth", from_middle_px=0.0)
