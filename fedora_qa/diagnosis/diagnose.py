@@ -40,8 +40,9 @@ from fedora_qa.diagnosis.vetoes import (
     is_flow_of_a_part,
 )
 from fedora_qa.faults.fault import ReversibleFault, is_of_part
+from fedora_qa.faults.image_part import ImagePart
 from fedora_qa.judgement.judge import Alarm
-from fedora_qa.record.types import Diagnosis
+from fedora_qa.record.types import Diagnosis, Where
 
 _ENOUGH: Final = 0.05
 """Least support that a further cause must add to be named."""
@@ -201,7 +202,7 @@ def choose_causes(
                 unit=size.unit or CAUSES[best.cause].unit,
                 standard_error=size.standard_error,
                 confidence=confidence_of(status, best.cause),
-                where=where[best.sized_by],
+                where=_place(where[best.sized_by], trial),
                 remedy=CAUSES[best.cause].remedy,
                 explains=tuple(own),
                 status=status,
@@ -252,6 +253,13 @@ def _confirmed_first(diagnoses: Sequence[Diagnosis]) -> tuple[Diagnosis, ...]:
 def key_of(diagnosis: Diagnosis) -> tuple[str, str]:
     """Return cause and stream."""
     return diagnosis.cause, diagnosis.stream
+
+
+def _place(where: Where, trial: UndoTrial | None) -> Where:
+    """Return the place of a cause: the rectangle in which its fault was undone, where it was undone in one."""
+    if trial is None or not trial.cleared or not isinstance(trial.fault, ImagePart):
+        return where
+    return replace(where, frame=None, pixel=None, tile=trial.fault.region)
 
 
 def _size_by_trial(cause: str, fitted: float | None, fault: ReversibleFault) -> float | None:

@@ -13,6 +13,8 @@ from fedora_qa.diagnosis.conclusion import UndoTrial
 from fedora_qa.diagnosis.diagnose import choose_causes, rank_candidates
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.diagnosis.vetoes import ClockPlace
+from fedora_qa.faults.image_part import ImagePart
+from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis, Finding, Measurement, Result, Where
 
@@ -271,6 +273,15 @@ def test_what_clears_all_of_several_checks_outweighs_a_measurement_at_a_place() 
 def test_nothing_is_confirmed_while_a_rival_is_untested() -> None:
     """A rival that could be undone and was not may clear as much."""
     assert [d.status for d in diagnosed(BOTH, {IS_LATE: tried("F1", "F2")})] == ["supported"]
+
+
+def test_a_fault_that_was_undone_in_a_rectangle_lies_there() -> None:
+    """The finding states the pixel where it is worst; a trial that clears nothing moves it nowhere."""
+    part: Any = ImagePart(PixelShift("rgb", 3), (10, 20, 30, 40))
+    for cleared, tile in ((("F1", "F2"), (10, 20, 30, 40)), ((), None)):
+        trial = replace(tried(*cleared), fault=part)
+        first, *_ = diagnosed(BOTH, {IS_SHIFTED: trial})
+        assert (first.cause, first.where.tile) == ("spatial_offset", tile)
 
 
 def test_rivals_that_clear_alike_are_all_named() -> None:
