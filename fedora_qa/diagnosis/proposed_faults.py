@@ -438,8 +438,10 @@ def _flow_interval(fit: FittedCause) -> Faults:
     while_ns = part_of_time(fit.alarms, fit.stream, fit.facts)
     is_of_part = while_ns is not None or part_of_images(fit.alarms, fit.stream) is not None
     for intervals in (round(fit.size),) if round(fit.size) else (1, -1):
-        # Of a part, findings vanish with the values that are lost at its end: most values must be left.
-        if is_of_part and 2 * abs(intervals) > fewest_fields_off(fit.alarms, fit.stream):
+        # Of a part, findings vanish with the values that are lost at its end: most values must be left. Two fields of
+        # one rate alone, each of which follows the motion of the other, are exchanged.
+        fewest = 2 * abs(intervals) + (fit.stream != "flow")
+        if is_of_part and fewest_fields_off(fit.alarms, fit.stream) < fewest:
             continue
         if while_ns is not None:
             yield flow.FlowIntervalShift(fit.stream, intervals, while_ns)
