@@ -1,0 +1,46 @@
+"""Conventions under noise of the poses, by the whitened squares of all residuals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fedora_qa.estimators.imu.conventions import InertialConvention
+from fedora_qa.estimators.imu.noisy_conventions import explain_in_noise
+from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION
+from tests.estimators.imu.test_conventions import FORCE_CASES, RATE_CASES, is_like
+from tests.support.motion_world import NOISY, sample_motion
+
+NAMED_BY_RATES = ("clean", "degrees", "wxyz", "inverse", "swapped", "right-down")
+NAMED_BY_FORCES = ("clean", "swapped sensor", "right-down", "swapped world", "no gravity", "gravity up")
+
+
+@pytest.mark.parametrize("case", NAMED_BY_RATES)
+def test_rates_state_the_convention(case: str) -> None:
+    """Every convention of rotations is named, and none where the file follows its declaration."""
+    plant, expected = RATE_CASES[case]
+    assert is_like(explain_in_noise(plant(sample_motion(noise=NOISY)), NOISY, ROTATION), expected)
+
+
+@pytest.mark.parametrize("case", NAMED_BY_FORCES)
+def test_forces_state_the_convention(case: str) -> None:
+    plant, expected = FORCE_CASES[case]
+    assert is_like(explain_in_noise(plant(sample_motion(noise=NOISY)), NOISY, TRANSLATION), expected)
+
+
+@pytest.mark.parametrize("comparison", [ROTATION, TRANSLATION], ids=["rotation", "translation"])
+def test_noise_alone_leaves_its_own_squares(comparison: object) -> None:
+    """Over many draws the mean square residual is that of noise, and the declared convention is kept."""
+    residuals = []
+    for seed in range(10):
+        found = explain_in_noise(sample_motion(noise=NOISY, seed=seed), NOISY, comparison)  # type: ignore[arg-type]
+        assert is_like(found, InertialConvention())
+        residuals.append(found.residual if found is not None else np.inf)
+    assert np.mean(residuals) == pytest.approx(1.0, abs=0.1)
+
+
+def test_streams_of_two_flights_have_no_convention() -> None:
+    """No convention brings the rates of one flight to the attitudes of its reverse."""
+    samples = sample_motion(noise=NOISY)
+    other = replace(samples, angular_velocities_body_rad_s=2.5 * samples.angular_velocities_body_rad_s[::-1] + 1.0)
+    assert explain_in_noise(other, NOISY, ROTATION) is None
