@@ -10,15 +10,13 @@ from hypothesis import strategies as st
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.clocks.rate import ClocksRate
-from fedora_qa.checks.clocks.resolution import ClocksResolution, distance_of_instants_us
+from fedora_qa.checks.clocks.resolution import ClocksResolution
 from fedora_qa.checks.protocol import FactsCheck
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged, judge
-from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.facts import EventStep, Facts
 from tests.support.all_checks import CHECKS
 from tests.support.facts import FLOW_PERIODS_NS, MS, PERIODS_NS, clock, exact_facts, with_clock
-from tests.support.memory_sequence import MemorySequence, facts_of, memory_sequence
 
 CLOCKS = {
     check.name: check
@@ -577,39 +575,3 @@ def test_a_recorded_stream_that_ends_early_is_stated() -> None:
 
 def test_a_recorded_stream_that_is_shifted_is_judged() -> None:
     assert judged("clocks.span", recorded(shifted("pose", 500 * MS))).result.outcome == "failed"
-
-
-@given(seed=st.integers(0, 1000), count=st.integers(1000, 20_000))
-def test_timestamps_at_random_keep_no_distance(seed: int, count: int) -> None:
-    """However many share one: on a span of 1 s."""
-    times_us = np.sort(np.random.default_rng(seed).integers(0, 1_000_000, count))
-    assert distance_of_instants_us(facts_of(with_events(times_us))) == 0.0
-
-
-@given(seed=st.integers(0, 1000), period_us=st.floats(20.0, 20_000.0))
-def test_events_at_the_times_of_renders_keep_the_distance_of_renders(seed: int, period_us: float) -> None:
-    """A period that is no whole number of microseconds is no grid; one other event is enough to break the distance."""
-    renders_us = np.floor(np.arange(0.0, 1e6, period_us)).astype(np.int64)
-    times_us = np.sort(np.random.default_rng(seed).choice(renders_us, 5000))
-    assert distance_of_instants_us(facts_of(with_events(times_us))) >= np.floor(period_us)
-    lone = np.sort(np.append(times_us, times_us[2500] + 3))
-    assert distance_of_instants_us(facts_of(with_events(lone))) <= 3.0
-
-
-def test_events_at_the_times_of_renders_are_named() -> None:
-    """Their grid is 1 us, as it is declared."""
-    times_us = np.repeat(np.floor(np.arange(0.0, 1e6, 5139.3)).astype(np.int64), 10)
-    facts = replace(exact_facts(), events=facts_of(with_events(times_us)).events)
-    assert facts.events is not None
-    assert facts.events.grid_ns == 1000
-    (alarm,) = judged("clocks.resolution", facts).alarms
-    (hypothesis,) = hypotheses_of(alarm, facts)
-    assert (hypothesis.cause, hypothesis.stream, hypothesis.magnitude) == ("quantised_time", "events", 5.139)
-
-
-def with_events(times_us: np.ndarray) -> MemorySequence:
-    """Return a sequence whose events have other timestamps, in us, and no declared packets."""
-    sequence = memory_sequence()
-    zeros = np.zeros(len(times_us), np.int64)
-    columns = {f"path__events__{name}": zeros.astype(sequence.arrays[f"path/events/{name}"].dtype) for name in "xyp"}
-    return sequence.altered(declared=Declared(), path__events__t=1000 * times_us, **columns)

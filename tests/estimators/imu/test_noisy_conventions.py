@@ -33,9 +33,10 @@ def test_noise_alone_leaves_its_own_squares(comparison: object) -> None:
     """Over many draws the mean square residual is that of noise, and the declared convention is kept."""
     residuals = []
     for seed in range(10):
-        found = explain_in_noise(sample_motion(noise=NOISY, seed=seed), NOISY, comparison)  # type: ignore[arg-type]
-        assert is_like(found, InertialConvention())
-        residuals.append(found.residual if found is not None else np.inf)
+        samples = sample_motion(noise=NOISY, seed=seed)
+        convention = explain_in_noise(samples, NOISY, comparison)  # type: ignore[arg-type]
+        assert is_like(convention, InertialConvention())
+        residuals.append(convention.residual if convention is not None else np.inf)
     assert np.mean(residuals) == pytest.approx(1.0, abs=0.1)
 
 
