@@ -125,7 +125,10 @@ def event_scan(facts: Facts) -> EventScan:
 
 
 def clock_set_back(clock: Clock, backward: NDArray[np.intp]) -> ClockSetBack | None:
-    """Return the offset of a clock that was set back at one of its steps ``backward``; None where single samples moved.
+    """Return the offset of a clock that was set back at one of its steps ``backward``; None where samples moved.
+
+    Timestamps of samples in another order, such as that of text (10 before 9), are those of an even clock once they are
+    sorted: each sample has a period of its own. A clock that was set back counts some time twice, or leaves some out.
 
     Parameters
     ----------
@@ -137,10 +140,12 @@ def clock_set_back(clock: Clock, backward: NDArray[np.intp]) -> ClockSetBack | N
     Returns
     -------
     ClockSetBack or None
-        None without steps back, and where single samples were exchanged.
+        None without steps back, and where samples were exchanged.
     """
     # Exchanged samples have few timestamps behind for each step back; a clock that was set back has many (_BEHIND).
     if not len(backward) or int(np.count_nonzero(~clock.advancing)) <= _BEHIND * len(backward):
+        return None
+    if _is_even(np.diff(np.sort(clock.times_ns))):
         return None
     first = int(backward[0])
     steps_ns = np.diff(clock.times_ns)
@@ -149,6 +154,12 @@ def clock_set_back(clock: Clock, backward: NDArray[np.intp]) -> ClockSetBack | N
     # If a step forwards of about the same length precedes the step back, the clock was ahead between both steps.
     # Otherwise the clock is behind from the step back on.
     return ClockSetBack((ahead_ns if abs(ahead_ns + back_ns) <= period_ns else back_ns) / NS_PER_MS)
+
+
+def _is_even(steps_ns: NDArray[np.int64]) -> bool:
+    """Whether all steps are one period, to half of it: no period has two samples, and none has no sample."""
+    period_ns = float(np.median(steps_ns))
+    return bool(np.all(np.abs(steps_ns - period_ns) < period_ns / 2))
 
 
 def durations_ns(facts: Facts) -> dict[str, float]:

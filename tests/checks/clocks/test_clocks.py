@@ -60,6 +60,16 @@ def exchanged(stream: str, row: int) -> Facts:
     return with_clock(exact_facts(), stream, clock(timestamps))
 
 
+def in_order_of_text(stream: str) -> Facts:
+    """10 comes before 9."""
+    timestamps = times(stream)
+    return with_clock(exact_facts(), stream, clock(timestamps[np.argsort(timestamps.astype(str), kind="stable")]))
+
+
+def blocks_exchanged(stream: str, row: int) -> Facts:
+    return with_clock(exact_facts(), stream, clock(np.roll(times(stream), row)))
+
+
 def repeated(stream: str, row: int) -> Facts:
     timestamps = times(stream)
     return with_clock(exact_facts(), stream, clock(np.insert(timestamps, row, timestamps[row])))
@@ -128,6 +138,9 @@ def drifting(rate: float) -> Facts:
 
 FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
     "two poses exchanged": ("clocks.order", lambda: exchanged("pose", 50), "unsorted", "pose", 1.0),
+    "IMU in the order of text": ("clocks.order", lambda: in_order_of_text("imu"), "unsorted", "imu", None),
+    "poses in the order of text": ("clocks.order", lambda: in_order_of_text("pose"), "unsorted", "pose", None),
+    "a block of poses at its end first": ("clocks.order", lambda: blocks_exchanged("pose", 60), "unsorted", "pose", 1.0),
     "an IMU sample twice": ("clocks.order", lambda: repeated("imu", 50), "duplicated_samples", "imu", 1.0),
     "three events early": ("clocks.order", unsorted_events, "unsorted", "events", 3.0),
     "a 32-bit counter wraps": ("clocks.order", lambda: wrapped("imu"), "time_unit", "imu", None),
