@@ -31,6 +31,9 @@ _SAME_STRETCH: Final = 0.02
 """Largest relative difference of a period from a stretched nominal one. A stream ends up to a period of its own and one
 of the others before the recording, which is 2% of a second at 100 Hz. The value is not derived."""
 
+_ROUNDINGS: Final = 2
+"""Largest difference of the offsets of both ends by rounding, us: each is the difference of two timestamps."""
+
 _MOSTLY_ZERO: Final = 0.9
 """Least ratio of wrong entries for a map of zeros that was not only cut short."""
 
@@ -175,8 +178,8 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         if not isinstance(feature, StreamEnds):
             continue
         if feature.is_shift:
-            shifted = support("clocks.shifted_span")
-            hypotheses.append(Hypothesis("time_offset", stream, shifted, feature.shift_ns / NS_PER_MS, "ms"))
+            shifted, offset_ms = support("clocks.shifted_span"), feature.shift_ns / NS_PER_MS
+            hypotheses.append(Hypothesis("time_offset", stream, shifted, offset_ms, "ms", _error_of_shift_ms(feature)))
             continue
         # Streams of one sample each have a median duration of 0 ns.
         duration_ns = max(feature.median_duration_ns, 1.0)
@@ -201,6 +204,16 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     if any(isinstance(feature, CutOfSeveralRates) for feature in statistic.features):
         return tuple(replace(hypothesis, stream=stream_family(hypothesis.stream)) for hypothesis in hypotheses)
     return tuple(hypotheses)
+
+
+def _error_of_shift_ms(ends: StreamEnds) -> float | None:
+    """Return the standard error of an offset by both ends, ms; None where these differ by more than rounding.
+
+    Streams that begin and end together are moved by the same at both ends. Others begin and end up to a period apart.
+    """
+    # Of each end two timestamps are rounded to a microsecond, and the mean of both ends is taken.
+    rounded_ns = NS_PER_US / sqrt(12.0)
+    return rounded_ns / NS_PER_MS if abs(ends.missing_ns) <= _ROUNDINGS * NS_PER_US else None
 
 
 def _of_stretched_clock(stream: str, ends: StreamEnds, facts: Facts) -> Hypothesis | None:

@@ -61,6 +61,11 @@ _MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
 )
 """Check and measurement of the size of a cause, in its unit, by cause and stream."""
 
+_MEASURED_AGAINST: Final[Mapping[str, str]] = MappingProxyType(
+    {"events": "rgb", "rgb": "events", "imu": "pose", "pose": "imu"}
+)
+"""The stream against which the offset of another is measured: where one device has both, both are off alike."""
+
 _OF_FLOW: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "flow_gain": ("gain",),
@@ -275,7 +280,8 @@ def contradicts(
     are_strays = _has_finding(results.get("clocks.span"), "clocks.span.far") and family == "events"
     # Nor does an offset of a part, into which the clock jumps.
     jumps = cause == "time_offset" and _jumps(results.get("clocks.gaps"), family)
-    if (cause, family) in _MEASURED and magnitude is not None and not are_strays and not jumps:
+    is_open = are_strays or jumps or (cause == "time_offset" and _left_together(family, results, places))
+    if (cause, family) in _MEASURED and magnitude is not None and not is_open:
         check, name = _MEASURED[cause, family]
         result = results.get(check)
         measurement = measured(result, name)
@@ -285,6 +291,17 @@ def contradicts(
         # A fault larger than the limit would have exceeded it.
         return abs(magnitude) > (_largest_jump_that_passes(measurement) if is_jump else measurement.limit)
     return False
+
+
+def _left_together(family: str, results: Results, places: Mapping[str, ClockPlace]) -> bool:
+    """Whether the clock of a stream is out of place although that against which it is measured has its time.
+
+    An offset of one stream against another states nothing of one that both have, such as IMU and poses of an autopilot:
+    others show it, by the grid of their timestamps or by their ends.
+    """
+    pair = {family, _MEASURED_AGAINST.get(family, family)}
+    is_out = any(name in places and places[name].place == "out" for name in pair)
+    return is_out or pair <= _streams_with_other_ends(results.get("clocks.span"))
 
 
 def disturbs_too_few(hypothesis: Hypothesis, alarm: Alarm, results: Results) -> bool:
@@ -482,6 +499,15 @@ def _changes_sign(result: Result | None) -> bool:
 
 def _has_finding(result: Result | None, code: str) -> bool:
     return result is not None and any(finding.code == code for finding in result.findings)
+
+
+def _streams_with_other_ends(result: Result | None) -> set[str]:
+    """Return the streams that begin late and end early, or the reverse."""
+    ends: dict[str, set[str]] = {"clocks.span.begins_late": set(), "clocks.span.ends_early": set()}
+    for finding in result.findings if result is not None else ():
+        if finding.code in ends:
+            ends[finding.code].update(stream_family(place.stream or "") for place in finding.all_places)
+    return set.intersection(*ends.values())
 
 
 def _jumps(result: Result | None, family: str) -> bool:

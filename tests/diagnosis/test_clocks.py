@@ -1,5 +1,7 @@
 """Hypotheses for alarms of clocks: order, unit, rate, gaps, resolution and span of timestamps."""
 
+from math import sqrt
+
 import numpy as np
 import pytest
 
@@ -167,7 +169,7 @@ SECOND = 1000.0 * MS
     [
         pytest.param(
             StreamEnds(100.0 * MS, -100.0 * MS, SECOND),
-            (Hypothesis("time_offset", "rgb", 0.9, 100.0, "ms"),),
+            (Hypothesis("time_offset", "rgb", 0.9, 100.0, "ms", 1e-3 / sqrt(12.0)),),
             id="shifted",
         ),
         pytest.param(

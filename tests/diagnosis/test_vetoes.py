@@ -1,6 +1,7 @@
 """Measurements that are in order contradict a cause only where they would have measured it."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -341,3 +342,19 @@ def test_depth_beside_noise_of_poses_contradicts_no_convention(name: str, *, is_
         "imu.rotation": Result("imu.rotation", "failed", "off"),
     }
     assert contradicts("quaternion_inverted", "pose", None, results, {}) == is_contradicted
+
+
+@pytest.mark.parametrize("stream", ["imu", "pose"])
+@pytest.mark.parametrize("by", ["grid", "ends", "nothing"])
+def test_an_offset_that_imu_and_poses_share_is_seen_against_others(stream: str, by: str) -> None:
+    """Both are 27 ms late: their difference is none, which says nothing of what the others show."""
+    difference = Measurement("time_offset", 0.0, "ms", 0.001, 0.0, 0.0031, 0.004)
+    results = {"imu.timing": Result("imu.timing", "passed", "one clock", measurements=(difference,))}
+    places = {name: ClockPlace("out" if by == "grid" else "unknown", 5.0) for name in ("imu", "pose")}
+    if by == "ends":
+        findings = tuple(
+            Finding(f"F{number}", f"clocks.span.{rule}", "error", "moved", Where(name))
+            for number, (name, rule) in enumerate(product(("imu", "pose"), ("begins_late", "ends_early")), 1)
+        )
+        results["clocks.span"] = Result("clocks.span", "failed", "moved", findings=findings)
+    assert contradicts("time_offset", stream, 27.039, results, places) == (by == "nothing")

@@ -140,7 +140,13 @@ FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
     "two poses exchanged": ("clocks.order", lambda: exchanged("pose", 50), "unsorted", "pose", 1.0),
     "IMU in the order of text": ("clocks.order", lambda: in_order_of_text("imu"), "unsorted", "imu", None),
     "poses in the order of text": ("clocks.order", lambda: in_order_of_text("pose"), "unsorted", "pose", None),
-    "a block of poses at its end first": ("clocks.order", lambda: blocks_exchanged("pose", 60), "unsorted", "pose", 1.0),
+    "a block of poses at its end first": (
+        "clocks.order",
+        lambda: blocks_exchanged("pose", 60),
+        "unsorted",
+        "pose",
+        1.0,
+    ),
     "an IMU sample twice": ("clocks.order", lambda: repeated("imu", 50), "duplicated_samples", "imu", 1.0),
     "three events early": ("clocks.order", unsorted_events, "unsorted", "events", 3.0),
     "a 32-bit counter wraps": ("clocks.order", lambda: wrapped("imu"), "time_unit", "imu", None),
@@ -235,6 +241,16 @@ def test_a_grid_of_half_a_period_is_no_other_rate() -> None:
     slow[40:] -= 10_300_000
     hypotheses = proposed("clocks.rate", with_clock(exact_facts(), "rgb", clock(slow)))
     assert {hypothesis.cause for hypothesis in hypotheses} == {"clock_rate"}
+
+
+@pytest.mark.parametrize(("rows", "is_exact"), [(slice(0, 0), True), (slice(0, 1), False)])
+def test_ends_that_moved_alike_state_an_offset_exactly(rows: slice, is_exact: bool) -> None:
+    """Poses that begin and end with the others are 60 ms late at both ends; without the first one, at one of them."""
+    late = np.delete(times("pose") + 60 * MS, rows)
+    (offset,) = proposed("clocks.span", with_clock(exact_facts(), "pose", clock(late)))
+    assert offset.cause == "time_offset"
+    assert (offset.standard_error is not None) == is_exact
+    assert offset.magnitude == pytest.approx(60.0, abs=0.0 if is_exact else 5.0)
 
 
 def test_a_grid_that_nearly_divides_the_period_is_no_other_rate() -> None:
