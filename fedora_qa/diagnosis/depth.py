@@ -36,13 +36,13 @@ Size = Callable[[float], float | None]
 _MISFIT_CAUSES: Final = {
     "depth": (
         "unit_mm_m", "depth_ray_not_z", "mirrored", "spatial_offset", "frozen_frames", "swapped_frames", "time_offset",
-        "clock_rate", "quantised_time", "time_unit", "unsorted", "other_sequence",
+        "clock_rate", "quantised_time", "quantised_values", "time_unit", "unsorted", "other_sequence",
     ),
     "pose": (
         "unit_mm_m", "quaternion_order", "quaternion_inverted", "quaternion_not_unit", "axes_swapped",
         "frame_convention", "frozen_frames", "time_offset", "clock_rate", "quantised_time", "time_unit", "unsorted",
         "teleport", "interpolated_pose", "noise_misdeclared", "lever_arm", "other_sequence", "dropped_samples",
-        "duplicated_samples",
+        "duplicated_samples", "quantised_values",
     ),
     "metadata": ("intrinsics_focal", "intrinsics_centre", "extrinsic_rotation", "lever_arm", "frame_convention"),
 }  # fmt: skip

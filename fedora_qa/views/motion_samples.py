@@ -33,7 +33,7 @@ _MOST_REPEATS: Final = 0.5
 _LEAST_ROUNDING_NOISE: Final = 0.1
 """Least noise of rounded numbers, in steps: about a third of the noise of uniform rounding."""
 
-_RADIANS_PER_COMPONENT: Final = 2.0
+RADIANS_PER_COMPONENT: Final = 2.0
 """A quaternion holds half angles: an error of a component is half the error of the rotation, rad."""
 
 
@@ -331,7 +331,7 @@ def _position_step_m(poses: PoseSamples) -> float:
 
 def _rotation_step_rad(poses: PoseSamples) -> float:
     step = rounding_step(poses.times_ns, poses.orientations_xyzw, OrientationSamples(poses.orientations_xyzw))
-    return _RADIANS_PER_COMPONENT * step
+    return RADIANS_PER_COMPONENT * step
 
 
 def _rounding_scatter(speeds: Float64, resolution: float) -> float:

@@ -1,7 +1,7 @@
 """Defects of samples that disturb all estimates from them; all checks of such estimates test for them."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +16,25 @@ from fedora_qa.estimators.imu.curvature import (
     lone_samples,
 )
 from fedora_qa.estimators.imu.repeated_samples import longest_hold, repeated_samples
-from fedora_qa.estimators.imu.sampled_curves import VectorSamples
+from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, SampledCurve, VectorSamples
 from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.stored_step import StoredStep
 from fedora_qa.sequence.window import ImuSamples, PoseSamples
-from fedora_qa.views.motion_samples import NOISE_ORDER, measured_pose_sigmas, position_floor_m, stored_resolution
+from fedora_qa.views.motion_samples import (
+    NOISE_ORDER,
+    RADIANS_PER_COMPONENT,
+    measured_pose_sigmas,
+    position_floor_m,
+    sample_step,
+    stored_resolution,
+)
+
+Float64 = NDArray[np.float64]
+
+PoseValues = Literal["positions", "orientations"]
 
 LEAST_EVENNESS: Final = 0.2
 """Least evenness of a sampled motion: the curvature of a smooth motion does not change fivefold within a step, nor does
@@ -235,16 +246,30 @@ class ExcessNoise(Feature):
     stream: str
 
 
-def interpolation_of(poses: PoseSamples) -> CurvatureEvenness | None:
-    """Return the most uneven curvature of positions over strides of several samples; None without any curvature.
+def interpolations_of(poses: PoseSamples) -> dict[PoseValues, CurvatureEvenness]:
+    """Return the most uneven curvature of positions, and of orientations, over strides of several samples.
 
-    Where that is even, the curvature of a part in which positions lie on straight lines within rounding.
+    Orientations between which a body turns evenly about one axis, as by slerp, lie on straight lines of rotations.
+    Where the curvature is even, that of a part in which samples lie on straight lines within rounding. Without any
+    curvature there is none.
     """
-    resolution, curve = stored_resolution(poses.positions_world_m), VectorSamples(poses.positions_world_m)
-    whole = find_interpolation(poses.times_ns, curve, resolution=resolution)
-    if is_interpolated(whole):
-        return whole
-    return find_straight_lines(poses.times_ns, curve, resolution=resolution) or whole
+    curves: tuple[tuple[PoseValues, SampledCurve, Float64], ...] = (
+        ("positions", VectorSamples(poses.positions_world_m), poses.positions_world_m),
+        ("orientations", OrientationSamples(poses.orientations_xyzw), poses.orientations_xyzw),
+    )
+    found: dict[PoseValues, CurvatureEvenness] = {}
+    for name, curve, values in curves:
+        # Rotations are twice as large as the components of their quaternions.
+        factor = RADIANS_PER_COMPONENT if name == "orientations" else 1.0
+        resolution = factor * stored_resolution(values)
+        step = factor * sample_step(poses.times_ns, values, curve).size
+        whole = find_interpolation(poses.times_ns, curve, resolution=resolution, step=step)
+        part = None
+        if not is_interpolated(whole):
+            part = find_straight_lines(poses.times_ns, curve, resolution=resolution, step=step)
+        if evenness := part or whole:
+            found[name] = evenness
+    return found
 
 
 def is_interpolated(interpolation: CurvatureEvenness | None) -> bool:
@@ -403,9 +428,9 @@ def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Fe
     if of_timestamps:
         return of_timestamps
     features: list[Feature] = []
-    interpolation = interpolation_of(poses)
-    if interpolation is not None and is_interpolated(interpolation):
-        features.append(LinearInterpolation("pose", rate_hz(poses) / interpolation.stride))
+    interpolated = [each for each in interpolations_of(poses).values() if is_interpolated(each)]
+    if interpolated:
+        features.append(LinearInterpolation("pose", rate_hz(poses) / interpolated[0].stride))
     frozen = frozen_poses(poses)
     if len(frozen):
         features.append(RepeatedSamples("pose", len(frozen)))

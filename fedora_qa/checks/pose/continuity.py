@@ -1,8 +1,9 @@
 """Continuity of the motion of poses, and the transforms under which a jump is continuous."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Final, Literal
 
 import numpy as np
@@ -36,8 +37,9 @@ from fedora_qa.views.motion_samples import (
 from fedora_qa.views.sample_defects import (
     LEAST_EVENNESS,
     LinearInterpolation,
+    PoseValues,
     frozen_poses,
-    interpolation_of,
+    interpolations_of,
     rate_hz,
     timestamp_defects,
 )
@@ -69,6 +71,14 @@ position in one of three; with a larger ratio a transform has no meaning."""
 
 _NOISE_SIGMAS: Final = 3.0 * 6.0**0.5
 """Three sigma, on each axis, of a pose against the straight line through the two before it: weights 1, -2, 1."""
+
+_INTERPOLATED: Final[Mapping[PoseValues, tuple[str, str]]] = MappingProxyType(
+    {
+        "positions": ("curvature_evenness", "Positions lie on straight lines"),
+        "orientations": ("rotation_evenness", "Orientations turn evenly about one axis"),
+    }
+)
+"""Name of the measurement, and what samples do that were interpolated."""
 
 # Quaternions x, y, z, w: half a turn about (1, 1, 0) / sqrt(2) exchanges east and north and reverses up; half a turn
 # about x reverses left and up.
@@ -165,7 +175,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
     """Is the motion of the poses continuous, without jumps, frozen poses or straight lines?
 
     The largest jump of position (m) and of orientation (deg) between two poses, the number of frozen poses, and the
-    evenness of the curvature over the poses.
+    evenness of the curvature of positions, and of orientations, over the poses.
 
     Why it matters
     --------------
@@ -179,8 +189,10 @@ class PoseContinuity(WindowCheck[PoseSamples]):
     matched filter of a step). Of several widths and degrees, the one with the smallest error in this file is used.
     *Frozen poses*: poses that equal the one before in every bit while the body moves. *Straight lines*: the ratio of
     the median curvature between every n-th pose to that at every n-th pose, n from 2 to 20. It is 1 for any smooth or
-    noisy motion, and near 0 for linear interpolation; the limit is 0.2. Of exact poses also the longest part in which
-    three straight lines of equal lengths, within rounding, follow each other.
+    noisy motion, and near 0 for linear interpolation; the limit is 0.2. Orientations are interpolated linearly where
+    the body turns evenly about one axis (slerp). Of exact poses also the longest part in which three straight lines of
+    equal lengths, within rounding, follow each other. Values in coarse steps are straight and bend by a step as well:
+    only larger bends count.
 
     Noise model
     -----------
@@ -290,22 +302,22 @@ class PoseContinuity(WindowCheck[PoseSamples]):
             )
         )
 
-        interpolation = interpolation_of(poses)
-        if interpolation is not None:
-            own_hz = rate_hz(poses)
+        own_hz = rate_hz(poses)
+        for values, interpolation in interpolations_of(poses).items():
+            name, relation = _INTERPOLATED[values]
             knots_hz = own_hz / interpolation.stride
             first, last = interpolation.rows or (0, -1)
             measurements.append(
                 Statistic(
-                    name="curvature_evenness",
+                    name=name,
                     value=interpolation.evenness,
                     unit="1",
                     standard_error=0.0,
                     expected=1.0,
                     model_error_bound=1.0 - LEAST_EVENNESS,
                     side="lower",
-                    statement=f"Positions lie on straight lines between poses {interpolation.stride} apart: they are "
-                    f"interpolated from {knots_hz:.4g} to {own_hz:.4g} Hz.",
+                    statement=f"{relation} between poses {interpolation.stride} apart: they are interpolated from "
+                    f"{knots_hz:.4g} to {own_hz:.4g} Hz.",
                     code="pose.continuity.interpolated",
                     where=location_of(facts, "pose", int(poses.times_ns[first]), int(poses.times_ns[last])),
                     features=(*of_timestamps, LinearInterpolation("pose", knots_hz)),

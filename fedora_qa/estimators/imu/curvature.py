@@ -98,7 +98,9 @@ def lone_samples(times_ns: Int64, curve: SampledCurve) -> tuple[Indices, Float64
     return stencils[lone, 1], distances[lone]
 
 
-def find_interpolation(times_ns: Int64, curve: SampledCurve, *, resolution: float) -> CurvatureEvenness | None:
+def find_interpolation(
+    times_ns: Int64, curve: SampledCurve, *, resolution: float, step: float = 0.0
+) -> CurvatureEvenness | None:
     """Return the stride of 2 to 20 for which samples lie most nearly on straight lines between every stride-th sample.
 
     Parameters
@@ -110,6 +112,10 @@ def find_interpolation(times_ns: Int64, curve: SampledCurve, *, resolution: floa
     resolution
         Rounding of a sample, in the unit of the curve. Strides whose curvature at knots is below a hundred times
         this are left out.
+    step
+        To which samples were rounded before they were stored, in the unit of the curve; 0 for none. Rounded samples of
+        a steady motion are straight for as long as they keep their step, and bend by it: strides of no larger bends
+        are left out.
 
     Returns
     -------
@@ -127,7 +133,7 @@ def find_interpolation(times_ns: Int64, curve: SampledCurve, *, resolution: floa
         by_phase, counts = np.argsort(phases, kind="stable"), np.bincount(phases)
         for ranks in np.split(by_phase, np.cumsum(counts)[:-1]):
             at_knots = _mean_of_two(ranked[ranks[_median_ranks(len(ranks))]])
-            if at_knots > _CURVATURE_ROUNDINGS * resolution:
+            if at_knots > max(_CURVATURE_ROUNDINGS * resolution, _STRAIGHT_ROUNDINGS * step):
                 # Median of the bends that are not in ``ranks``: its rank among these, plus the members of ``ranks``
                 # below it.
                 among_rest = np.array(_median_ranks(len(bends) - len(ranks)))
@@ -136,7 +142,9 @@ def find_interpolation(times_ns: Int64, curve: SampledCurve, *, resolution: floa
     return min(candidates, key=lambda candidate: (round(candidate.evenness, 2), candidate.stride), default=None)
 
 
-def find_straight_lines(times_ns: Int64, curve: SampledCurve, *, resolution: float) -> CurvatureEvenness | None:
+def find_straight_lines(
+    times_ns: Int64, curve: SampledCurve, *, resolution: float, step: float = 0.0
+) -> CurvatureEvenness | None:
     """Return the part of a curve without noise in which samples lie on straight lines of equal lengths.
 
     No motion is straight within rounding up to a sample and bent at it, sample for sample at equal distances. The last
@@ -144,7 +152,7 @@ def find_straight_lines(times_ns: Int64, curve: SampledCurve, *, resolution: flo
 
     Parameters
     ----------
-    times_ns, curve, resolution
+    times_ns, curve, resolution, step
         As of ``find_interpolation``.
 
     Returns
@@ -171,7 +179,8 @@ def find_straight_lines(times_ns: Int64, curve: SampledCurve, *, resolution: flo
         others = int(lines[start + count + 1] > 0)
         first, last = int(knots[start]), int(knots[start + count])
         at_knots = float(np.median(bends[knots[start : start + count + 1]]))
-        if count + others < _FEWEST_LINES or at_knots <= _CURVATURE_ROUNDINGS * resolution:
+        least = max(_CURVATURE_ROUNDINGS * resolution, _STRAIGHT_ROUNDINGS * step)
+        if count + others < _FEWEST_LINES or at_knots <= least:
             continue
         last = min(last + int(lines[start + count + 1]) + 1, len(bends) - 1) if others else last
         part = CurvatureEvenness(

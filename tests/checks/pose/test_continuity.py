@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from fedora_qa.record.types import Measurement, Result
 from tests.support.checked import diagnoses_of, measured_record, rules, run_check
@@ -111,6 +112,26 @@ def test_interpolated_poses_are_named_with_their_rate(path: Path, rate_hz: int) 
     assert "interpolated" in rules(run_check(file.write(path), "pose.continuity"))
     diagnosis = diagnoses_of(path, "pose")[0]
     assert (diagnosis.cause, diagnosis.magnitude) == ("interpolated_pose", pytest.approx(rate_hz))
+
+
+@pytest.mark.parametrize("rate_hz", [100, 50, 20, 8])
+def test_interpolated_orientations_are_named_beside_positions_that_are_right(path: Path, rate_hz: int) -> None:
+    """Slerp between poses of a lower rate turns evenly about one axis up to the next one, as no body does."""
+    samples, stride = sample_motion(), 200 // rate_hz
+    knots = np.unique([*range(0, len(samples.pose_times_s), stride), len(samples.pose_times_s) - 1])
+    slerp = Slerp(samples.pose_times_s[knots], Rotation.from_quat(samples.orientations_xyzw[knots]))
+    file = MotionFile().altered(orientations_xyzw=slerp(samples.pose_times_s).as_quat())
+    assert "interpolated" in rules(run_check(file.write(path), "pose.continuity"))
+    diagnosis = diagnoses_of(path, "pose")[0]
+    assert (diagnosis.cause, diagnosis.magnitude) == ("interpolated_pose", pytest.approx(rate_hz))
+
+
+@pytest.mark.parametrize("step_m", [0.002, 0.02])
+def test_positions_in_coarse_steps_are_not_interpolated(path: Path, step_m: float) -> None:
+    """They stand still and move on by a step, at distances that are even where the body flies evenly."""
+    samples = sample_motion()
+    file = MotionFile().altered(positions_world_m=np.rint(samples.positions_world_m / step_m) * step_m)
+    assert "interpolated" not in rules(run_check(file.write(path), "pose.continuity"))
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 10])

@@ -98,6 +98,18 @@ def test_straight_lines_of_a_part_are_found_with_their_rows(stride: int) -> None
     assert found.evenness < 1e-6
 
 
+@pytest.mark.parametrize("per_step", [4, 9])
+def test_coarse_steps_of_an_even_motion_are_no_straight_lines(per_step: int) -> None:
+    """A coordinate that moves by a step every n-th sample is straight between, and bends by the step alone."""
+    stairs = np.zeros((len(TIMES_NS), 3))
+    stairs[:, 0] = np.arange(len(TIMES_NS)) // per_step * 0.0625
+    curve = VectorSamples(stairs)
+    assert (found := find_interpolation(TIMES_NS, curve, resolution=1e-15)) is not None
+    assert found.evenness < 0.01
+    assert find_interpolation(TIMES_NS, curve, resolution=1e-15, step=0.0625) is None
+    assert find_straight_lines(TIMES_NS, curve, resolution=1e-15, step=0.0625) is None
+
+
 def test_a_motion_lies_on_no_straight_lines() -> None:
     """Neither does a body at rest, nor one that keeps its velocity and turns once."""
     motion_m = RESTLESS.positions_m(TIMES_S)
