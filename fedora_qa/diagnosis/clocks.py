@@ -13,7 +13,7 @@ from fedora_qa.checks.clocks.order import CounterWrap, RoundedRepeats
 from fedora_qa.checks.clocks.rate import RoundedClock, SegmentRate
 from fedora_qa.checks.clocks.resolution import PartialGrid
 from fedora_qa.checks.clocks.span import CutOfSeveralRates, FewSamples, StreamEnds
-from fedora_qa.checks.clocks.streams import ClockSetBack, PartInOtherUnit
+from fedora_qa.checks.clocks.streams import ClockSetBack, PartInOtherUnit, durations_ns, reference_duration_ns
 from fedora_qa.checks.index_maps.frame_to_event import MapRule, WrongEntries
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.diagnosis.clock_units import factors_of_span, is_tick_factor
@@ -95,8 +95,16 @@ def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_unit(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return another unit as the cause of wrong timestamps of a stream or of a part of it."""
+    """Return another unit as the cause of wrong timestamps of a stream or of a part of it, or another rate."""
     stream = alarm.finding.where.stream or ""
+    if alarm.finding.code == "clocks.unit.factor":
+        durations = durations_ns(facts)
+        median_ns = reference_duration_ns(facts, durations)
+        if median_ns is not None and stream in durations:
+            ends = StreamEnds(0.0, median_ns - durations[stream], median_ns)
+            stretched = _of_stretched_clock(stream, ends, facts)
+            if stretched is not None and not _is_stretched_by(alarm.statistic.value, ends):
+                return (stretched,)
     return (Hypothesis("time_unit", stream, support("clocks.unit_factor"), alarm.statistic.value, "1"),)
 
 
@@ -186,15 +194,15 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         # Ratio of the duration to the median duration of the streams: near the factor of a unit the cause is the unit,
         # not a cut.
         ratio = 1 - feature.missing_ns / duration_ns
+        is_longer = feature.missing_ns < 0
+        stretched = _of_stretched_clock(stream, feature, facts) if is_longer else None
         for factor, row in ((unit_factor(ratio), "span_in_other_unit"), (tick_factor(ratio), "span_in_ticks")):
-            if factor != 1.0:
+            if factor != 1.0 and (stretched is None or _is_stretched_by(factor, feature)):
                 hypotheses.append(Hypothesis("time_unit", stream, support(f"clocks.{row}"), factor, "1"))
         is_of_unit = any(hypothesis.cause == "time_unit" for hypothesis in hypotheses)
         factors = () if is_of_unit else factors_of_span(stream, feature, facts)
-        is_longer = not is_of_unit and feature.missing_ns < 0
-        stretched = _of_stretched_clock(stream, feature, facts) if is_longer else None
-        # A stretched clock of a nominal rate has another rate, unless the factor is that of a counter.
-        if stretched is not None and not (factors and is_tick_factor(factors[0])):
+        # A stretched clock of a nominal rate has another rate, unless the factor is that of a unit or a counter.
+        if stretched is not None and not is_of_unit and not (factors and is_tick_factor(factors[0])):
             hypotheses.append(stretched)
             factors = ()
         cut_percent = 100 * feature.missing_ns / duration_ns
@@ -234,6 +242,16 @@ def _of_stretched_clock(stream: str, ends: StreamEnds, facts: Facts) -> Hypothes
     error_ppm = 1e6 * NS_PER_US / sqrt(6.0) / (steps * nominal_ns)
     rate_ppm = 1e6 * (mean_ns / nominal_ns - 1)
     return Hypothesis("clock_rate", stream, support("clocks.stretched_span"), rate_ppm, "ppm", error_ppm)
+
+
+def _is_stretched_by(factor: float, ends: StreamEnds) -> bool:
+    """Whether the span of a stream is that of the others times a factor, as nearly as streams begin and end together.
+
+    A factor of units is assigned from afar, since streams may end early: a clock that is stretched by as much as its
+    span ends with the others, so that the factor is known.
+    """
+    ratio = 1 - ends.missing_ns / max(ends.median_duration_ns, 1.0)
+    return abs(ratio / factor - 1) <= _SAME_STRETCH
 
 
 def _whole_hz_ns(period_ns: float) -> float:

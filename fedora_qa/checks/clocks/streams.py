@@ -218,7 +218,7 @@ def part_in_other_unit(facts: Facts, stream: str) -> PartInOtherUnit | None:
     Returns
     -------
     PartInOtherUnit or None
-        None where no run is long enough.
+        None where no run is long enough, and where all steps are one: the whole stream is no part.
     """
     times_ns = facts.clocks[stream].times_ns
     reference_ns = reference_duration_ns(facts, durations_ns(facts))
@@ -230,6 +230,6 @@ def part_in_other_unit(facts: Facts, stream: str) -> PartInOtherUnit | None:
         near = np.flatnonzero(np.abs(ratios / factor - 1) <= UNIT_WITHIN)
         runs = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
         longest = max(runs, key=len)
-        if factor != 1.0 and len(longest) >= _FEWEST_STEPS:
+        if factor != 1.0 and _FEWEST_STEPS <= len(longest) < len(ratios):
             return PartInOtherUnit(factor, int(longest[0]), int(longest[-1]) + 1)
     return None

@@ -253,6 +253,15 @@ def test_ends_that_moved_alike_state_an_offset_exactly(rows: slice, is_exact: bo
     assert offset.magnitude == pytest.approx(60.0, abs=0.0 if is_exact else 5.0)
 
 
+@pytest.mark.parametrize(("factor", "cause"), [(26.6587, "clock_rate"), (37.1, "clock_rate"), (32.0, "time_unit")])
+@pytest.mark.parametrize("name", ["clocks.unit", "clocks.span"])
+def test_a_factor_near_that_of_a_unit_is_the_rate_of_a_clock(name: str, factor: float, cause: str) -> None:
+    """Poses of 200 Hz whose period and span are 26.7 times as long are in wall time: the simulation ran at its pace."""
+    first = max(proposed(name, scaled("pose", factor)), key=lambda hypothesis: hypothesis.support)
+    assert first.cause == cause
+    assert first.magnitude == pytest.approx(1e6 * (factor - 1) if cause == "clock_rate" else factor, rel=1e-3)
+
+
 def test_a_grid_that_nearly_divides_the_period_is_no_other_rate() -> None:
     """Half a second of frames on a grid of 0.87 ms has one odd step: the grid is named, and not a clock with a jump."""
     frames = exact_facts().clocks["rgb"].times_ns[:26] // 870_000 * 870_000
