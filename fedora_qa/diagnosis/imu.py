@@ -57,6 +57,13 @@ HALF_TURN: Final = ((-1, 0, 0), (0, -1, 0), (0, 0, 1))
 """Axes of a sensor that is turned by half about Z. Those of the body of quaternions z, w, x, y that are taken for x, y,
 z, w are alike: ``(z, w, x, y) = -i q k^-1``, so that the body is turned about Z, and the world about X."""
 
+_ALL: Final = 0.98
+"""Least share of the residuals that a constant explains where it is the cause. The value is not derived."""
+
+_STEADY: Final = 0.9
+"""Least length of the mean specific force over its rms length for a weight. The value is not derived: a flight whose
+force turns or varies by half of it has 0.87."""
+
 _ROUNDED_S: Final = 1e-6 / sqrt(12.0)
 """Standard deviation of rounding to whole microseconds, s. All timestamps of an even clock have the same rounding
 error."""
@@ -219,7 +226,7 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
         # Samples below a limit are right, so that no bias or gain is theirs, nor that of a part. Another flight has its
         # weight: what has none is in another unit, of which no parameter of the fit is one.
         unknown = Hypothesis("unknown", "imu", support("imu.samples_of_no_flight"))
-        return (*conventions, *defect_hypotheses(features), unknown)
+        return (*conventions, *defect_hypotheses(features), *_weight_taken_off(features), unknown)
     if any(isinstance(feature, HeldComponent) for feature in features):
         # A component that keeps its value lacks the whole motion about its axis: parameters of the fit are its effects.
         return (*conventions, *defect_hypotheses(features))
@@ -261,6 +268,18 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
         *_other_sequence(smooth),
         *defects,
     )
+
+
+def _weight_taken_off(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
+    """Return gravity that was taken off as a constant: what is left varies, and a bias explains that it has no weight.
+
+    A weight in a larger unit is as steady as any, and one that turns with the body is explained by no bias.
+    """
+    is_light = any(isinstance(f, NoWeight) and f.ratio < 1 and f.steadiness < _STEADY for f in features)
+    by_bias = max((f.explained.get("bias", 0.0) for f in features if isinstance(f, InertialParameter)), default=0.0)
+    if not is_light or by_bias < _ALL:
+        return ()
+    return (Hypothesis("gravity_missing", "imu", support("imu.weight_taken_off")),)
 
 
 def _of_part(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:

@@ -1,7 +1,7 @@
 """The faults of poses and of the IMU that a trial undoes, with axes and sizes from their conventions and fits."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import isinf
+from math import hypot, isinf
 from typing import Any, Final
 
 import numpy as np
@@ -18,8 +18,9 @@ from fedora_qa.estimators.imu.conventions import GravityConvention, InertialConv
 from fedora_qa.faults import axes, declarations, gravity, motion, units
 from fedora_qa.faults.fault import Matrix3, RowRange, Sensor, Vector3
 from fedora_qa.geometry import so3
+from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
-from fedora_qa.views.sample_defects import LoneSamples, NoiseAtTimes
+from fedora_qa.views.sample_defects import OTHER_WEIGHT, LoneSamples, NoiseAtTimes
 
 _SENSORS: Final[Mapping[MotionKind, Sensor]] = {"rotation": "gyro", "translation": "accelerometer"}
 """The sensor that is compared with poses, by the kind of the comparison."""
@@ -191,6 +192,11 @@ def missing_gravity(fit: FittedCause) -> Faults:
         yield gravity.GravityError("gravity_missing", rows=rows)
     yield gravity.GravityError("gravity_missing")
     yield gravity.GravityAlongBody()
+    declared_m_s2 = (fit.facts.declared.imu or ImuModel()).gravity
+    for bias in _vectors(fit, "translation", "bias"):
+        # No sensor has a bias of its weight: that is what was taken off, such as the mean of all samples.
+        if abs(hypot(*bias) / declared_m_s2 - 1.0) < 1.0 / OTHER_WEIGHT:
+            yield gravity.GravityAlongBody((-bias[0], -bias[1], -bias[2]))
 
 
 def reversed_gravity(fit: FittedCause) -> Faults:

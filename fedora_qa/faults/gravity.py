@@ -7,7 +7,17 @@ from typing import Any, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.faults.fault import KEYS_OF_SENSORS, Fault, InapplicableError, Read, RowRange, Sensor, streams_in, values
+from fedora_qa.faults.fault import (
+    KEYS_OF_SENSORS,
+    Fault,
+    InapplicableError,
+    Read,
+    RowRange,
+    Sensor,
+    Vector3,
+    streams_in,
+    values,
+)
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.motion import STENCIL, interpolate_poses
 from fedora_qa.sequence.facts import Facts
@@ -71,25 +81,42 @@ class GravityError:
 
 @dataclass(frozen=True, slots=True)
 class GravityAlongBody:
-    """Gravity was subtracted from the body's Z axis, whatever the attitude is."""
+    """Gravity was subtracted as a constant of the body, whatever the attitude is.
 
+    Attributes
+    ----------
+    removed_body_m_s2
+        What was subtracted, such as the mean or the first specific force; None: the declared gravity along Z.
+    """
+
+    removed_body_m_s2: Vector3 | None = None
     cause: ClassVar[str] = "gravity_missing"
     stream: ClassVar[str] = "imu"
     magnitude: ClassVar[None] = None
 
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Subtract the declared gravity."""
-        return self._changed(facts, "gravity is subtracted along the body's Z axis", -1.0)
+        """Subtract gravity."""
+        return self._changed(facts, f"gravity is subtracted along {self._axis}", -1.0)
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Add the declared gravity."""
-        return self._changed(facts, "gravity added along the body's Z axis", 1.0)
+        """Add gravity."""
+        return self._changed(facts, f"gravity added along {self._axis}", 1.0)
+
+    @property
+    def _axis(self) -> str:
+        if self.removed_body_m_s2 is None:
+            return "the body's Z axis"
+        x, y, z = self.removed_body_m_s2
+        return f"({x:.4g}, {y:.4g}, {z:.4g}) m/s^2 of the body"
 
     def _changed(self, facts: Facts, description: str, sign: float) -> Fault:
         streams_in(facts, self.stream)
-        if facts.declared.imu is None:
+        if self.removed_body_m_s2 is not None:
+            along_body_m_s2 = sign * np.array(self.removed_body_m_s2)
+        elif facts.declared.imu is not None:
+            along_body_m_s2 = sign * facts.declared.imu.gravity * _UP
+        else:
             raise InapplicableError("Expected a declared gravity, got none")
-        along_body_m_s2 = sign * facts.declared.imu.gravity * _UP
         return Fault(description, {_ACCEL: values(lambda forces: forces + along_body_m_s2)})
 
 

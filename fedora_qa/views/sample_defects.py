@@ -46,7 +46,7 @@ _CLIPPED: Final = 0.02
 _DISTINCT: Final = 0.9
 """Least share of distinct samples below the limits: rounding and frozen samples leave fewer."""
 
-_OTHER_WEIGHT: Final = 3.0
+OTHER_WEIGHT: Final = 3.0
 """Ratio of specific force to gravity, or of gravity to it, that half of a flight does not exceed: a vehicle that
 carries itself accelerates at about 1 g, and turns at 3 g do not last."""
 
@@ -180,9 +180,12 @@ class NoWeight(Feature):
     ----------
     ratio
         Median length of specific force over declared gravity.
+    steadiness
+        Length of the mean specific force over the rms length, 0 to 1: near 1 for a weight in another unit.
     """
 
     ratio: float
+    steadiness: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,7 +340,11 @@ def clipped_samples(samples: NDArray[np.float64]) -> tuple[Feature, ...]:
 def weightless(forces_m_s2: NDArray[np.float64], gravity_m_s2: float) -> tuple[Feature, ...]:
     """Return the lack of weight of specific forces, shape (N, 3), or their excess."""
     ratio = float(np.median(np.linalg.norm(forces_m_s2, axis=1))) / gravity_m_s2 if gravity_m_s2 > 0 else 1.0
-    return () if 1 / _OTHER_WEIGHT < ratio < _OTHER_WEIGHT else (NoWeight(ratio),)
+    if 1 / OTHER_WEIGHT < ratio < OTHER_WEIGHT:
+        return ()
+    rms_m_s2 = float(np.sqrt(np.mean(np.sum(np.square(forces_m_s2), axis=1))))
+    mean_m_s2 = float(np.linalg.norm(np.mean(forces_m_s2, axis=0)))
+    return (NoWeight(ratio, mean_m_s2 / rms_m_s2 if rms_m_s2 > 0 else 0.0),)
 
 
 def lone_poses(poses: PoseSamples) -> LoneSamples | None:

@@ -22,7 +22,7 @@ from fedora_qa.estimators.imu.samples import InertialNoise
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.sample_defects import HeldComponent, clipped_samples, held_components
 from tests.support.facts import MS, clock, exact_facts, with_clock
-from tests.support.motion_world import EXACT, GRAVITY_M_S2, NOISY, MotionFile, sample_motion
+from tests.support.motion_world import EXACT, GRAVITY_M_S2, HOVER, NOISY, MotionFile, sample_motion
 
 TURN = Rotation.from_rotvec(np.radians([8.0, -6.0, 3.0]))
 
@@ -87,6 +87,24 @@ def test_an_imu_without_weight_is_of_no_other_flight(tmp_path: Path) -> None:
     path = MotionFile(samples=gained).write(tmp_path / "motion.h5")
     record = check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record
     assert {diagnosis.cause for diagnosis in record.diagnoses} == {"unknown"}
+
+
+@pytest.mark.parametrize("taken", ["mean", "first"])
+def test_a_weight_that_was_taken_off_as_a_constant_is_missing(tmp_path: Path, taken: str) -> None:
+    """The mean of all samples, or the first one, is gravity in the body: no sensor has a bias of its weight."""
+    samples = sample_motion(HOVER)
+    forces = samples.specific_forces_body_m_s2
+    constant = forces.mean(axis=0) if taken == "mean" else forces[0]
+    path = MotionFile(samples=replace(samples, specific_forces_body_m_s2=forces - constant)).write(tmp_path / "m.h5")
+    record = check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record
+    (cause,) = record.diagnoses
+    assert (cause.cause, cause.stream, cause.status) == ("gravity_missing", "imu", "confirmed")
+    # In units of g it is as steady as any weight.
+    in_g = replace(samples, specific_forces_body_m_s2=forces / GRAVITY_M_S2)
+    record = check_file(
+        MotionFile(samples=in_g).write(path), CheckOptions(select=("imu", "pose"), evidence=None)
+    ).record
+    assert "gravity_missing" not in {diagnosis.cause for diagnosis in record.diagnoses}
 
 
 def test_samples_end_at_a_limit_where_they_repeat_it_alone() -> None:

@@ -292,6 +292,7 @@ ROUNDED: list[Truth] = [
                       "path/pose/orientation")),
     (AngleSense((-1, 1, 1), ((0, -1, 0), (1, 0, 0), (0, 0, 1))), from_north),
     (GravityAlongBody(), on(lambda v: v - np.array([0.0, 0.0, 9.8066]), ACCEL)),
+    (GravityAlongBody((0.3, -0.2, 9.7)), on(lambda v: v - np.array([0.3, -0.2, 9.7]), ACCEL)),
     (QuaternionLength(0.1), on(lambda q: q * 1.1, "path/pose/orientation")),
     (QuaternionLength(0.0), on(lambda q: q * np.linspace(0.9, 1.2, len(q))[:, None], "path/pose/orientation")),
     (VectorAxes("pose", ((0, 1, 0), (1, 0, 0), (0, 0, -1)), ((1, 0, 0), (0, -1, 0), (0, 0, -1))), north_east_down),
