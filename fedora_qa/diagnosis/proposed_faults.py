@@ -13,7 +13,7 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
 from fedora_qa.checks.integrity.finite import OutOfRange
-from fedora_qa.conventions import FRD_FROM_FLU, MS_PER_S, NED_FROM_ENU, NS_PER_MS, NS_PER_US, SAME_AXES
+from fedora_qa.conventions import FRD_FROM_FLU, MS_PER_S, NED_FROM_ENU, NS_PER_MS, NS_PER_S, NS_PER_US, SAME_AXES
 from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
 from fedora_qa.diagnosis.clocks import is_right_elsewhere
 from fedora_qa.diagnosis.declared_cameras import inverted_mountings, mountings_of_other_bodies
@@ -44,7 +44,13 @@ from fedora_qa.diagnosis.proposed_motion_faults import (
     reversed_gravity,
     vector_axes,
 )
-from fedora_qa.estimators.clocks.regular_clock import DisplacedSegment, SlewedSegment, displaced_part, slewed_part
+from fedora_qa.estimators.clocks.regular_clock import (
+    DisplacedSegment,
+    SlewedSegment,
+    displaced_part,
+    rounding_grid_ns,
+    slewed_part,
+)
 from fedora_qa.faults import (
     axes,
     clocks,
@@ -95,6 +101,12 @@ _UNIT_TOLERANCE: Final = 0.02
 _WITHIN: Final = 3.0
 """Standard errors within which a factor is that of a fit: one of a thousand is outside on either side."""
 
+
+_FEWEST_OTHERS: Final = 2
+"""Streams that show when a regular clock began: of two, none is the clock itself."""
+
+_FEWEST_LATE: Final = 8
+"""Timestamps of a clock whose lateness varies. The value is not derived."""
 
 _ROUNDINGS: Final = 2
 """Largest change of the difference of two timestamps by rounding, in units of the timestamps: half a unit for each
@@ -189,6 +201,7 @@ def _clock_shift(fit: FittedCause) -> Faults:
             period_ns = float(np.median(np.diff(fit.facts.clocks["rgb"].times_ns))) if lost else 0.0
             for count in lost:
                 yield clocks.ClockShift("rgb", -count * period_ns, (frame, None))
+    yield from _varying_shift(fit)
     offset_ns = fit.size * NS_PER_MS
     yield clocks.ClockShift(fit.stream, offset_ns)
     features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
@@ -198,6 +211,29 @@ def _clock_shift(fit: FittedCause) -> Faults:
         steps_ns = np.diff(depth.times_ns[depth.advancing])
         if len(steps_ns):
             yield clocks.ClockShift(fit.stream, offset_ns - copysign(float(np.median(steps_ns)), offset_ns))
+
+
+def _varying_shift(fit: FittedCause) -> Faults:
+    """Yield the regular clock of a stream whose timestamps are late by times of their own, as those of a recorder.
+
+    The clock has a whole rate in Hz and begins with the other streams, and no sample was lost. Neighbouring samples are
+    late by different times: those of a clock with another rate, or with an offset for a while, are not.
+    """
+    clock = fit.facts.clocks.get(fit.stream)
+    others = [o.times_ns for name, o in fit.facts.clocks.items() if stream_family(name) != fit.family and o.usable]
+    if clock is None or clock.ends_ns is not None or len(others) < _FEWEST_OTHERS or len(clock.times_ns) < _FEWEST_LATE:
+        return
+    if not clock.advancing.all() or rounding_grid_ns(clock.times_ns, resolution_ns=NS_PER_US):
+        return
+    times_ns = clock.times_ns.astype(np.float64)
+    mean_ns = (times_ns[-1] - times_ns[0]) / (len(times_ns) - 1)
+    period_ns = NS_PER_S / max(round(NS_PER_S / mean_ns), 1)
+    start_ns = float(np.median([times_ns[0] for times_ns in others if len(times_ns)]))
+    late_ns = times_ns - start_ns - period_ns * np.arange(len(times_ns))
+    offset_ns = float(np.median(late_ns))
+    varies = float(np.median(np.abs(np.diff(late_ns, 2)))) > _ROUNDINGS * _ROUNDINGS * NS_PER_US
+    if varies and float(np.abs(late_ns - offset_ns).max()) < period_ns / 2:
+        yield clocks.ClockShift(fit.stream, offset_ns, regular_ns=(start_ns, period_ns))
 
 
 def _clock_rate(fit: FittedCause) -> Faults:

@@ -35,6 +35,16 @@ _LARGEST_WHOLE: Final = 10**9
 """Largest factor between two units of time that occur (s and ns)."""
 
 
+def _on_regular_clock(times_ns: Int64, regular_ns: tuple[float, float] | None, facts: Facts) -> Int64:
+    """Return the nearest times of a regular clock, in whole microseconds of the file; the times without one."""
+    if regular_ns is None:
+        return times_ns
+    start_ns, period_ns = regular_ns
+    regular = start_ns + np.rint((times_ns - start_ns) / period_ns) * period_ns
+    zero_ns = facts.from_file_us(0.0)
+    return np.asarray(zero_ns + NS_PER_US * np.rint((regular - zero_ns) / NS_PER_US).astype(np.int64))
+
+
 @dataclass(frozen=True, slots=True)
 class ClockShift:
     """Timestamps are late by a constant.
@@ -47,11 +57,15 @@ class ClockShift:
         Offset, ns, rounded to whole ones; positive: late.
     rows
         Rows whose timestamps are late; None: all.
+    regular_ns
+        First instant and period, ns, of a regular clock whose times were late by about the offset, each by a time of
+        its own; undone, the timestamps are the nearest of its times, in whole microseconds. None: late by the constant.
     """
 
     stream: str
     offset_ns: float
     rows: RowRange | None = None
+    regular_ns: tuple[float, float] | None = None
     cause: ClassVar[str] = "time_offset"
 
     @property
@@ -67,7 +81,10 @@ class ClockShift:
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Subtract the offset."""
         offset_ns = round(self.offset_ns)
-        fault = _retimed(facts, self, f"{self.stream} {self.magnitude:.4g} ms earlier", lambda t: t - offset_ns)
+        description = f"{self.stream} {self.magnitude:.4g} ms earlier"
+        if self.regular_ns is not None:
+            description += f", every {self.regular_ns[1] / NS_PER_MS:.6g} ms"
+        fault = _retimed(facts, self, description, lambda t: _on_regular_clock(t - offset_ns, self.regular_ns, facts))
         return with_following_maps(facts, sequence, fault)
 
 
@@ -173,16 +190,10 @@ class TimeUnit:
         retime = self._scaling(factor, sequence)
         if self.regular_ns is not None:
             description += f", every {self.regular_ns[1] / NS_PER_MS:.6g} ms"
-        fault = _retimed(facts, self, description, lambda times_ns: self._on_regular_clock(retime(times_ns), facts))
+        fault = _retimed(
+            facts, self, description, lambda times_ns: _on_regular_clock(retime(times_ns), self.regular_ns, facts)
+        )
         return with_following_maps(facts, sequence, fault)
-
-    def _on_regular_clock(self, times_ns: Int64, facts: Facts) -> Int64:
-        if self.regular_ns is None:
-            return times_ns
-        start_ns, period_ns = self.regular_ns
-        regular_ns = start_ns + np.rint((times_ns - start_ns) / period_ns) * period_ns
-        zero_ns = facts.from_file_us(0.0)
-        return np.asarray(zero_ns + NS_PER_US * np.rint((regular_ns - zero_ns) / NS_PER_US).astype(np.int64))
 
     def _scaling(self, factor: Fraction, sequence: SequenceRows) -> Callable[[Int64], Int64]:
         # The file's own clock is zero at -origin, on the clock that counts from the origin.

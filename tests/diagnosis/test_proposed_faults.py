@@ -31,7 +31,7 @@ from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import timestamps_of
 from fedora_qa.record.types import Finding, Measurement, Result, Where
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import Facts, clock_of
 from fedora_qa.views.flow_comparison import FlowParameterFit
 from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.inertial_agreement import InertialConventionTrial
@@ -346,6 +346,21 @@ def test_an_offset_of_a_part_of_a_clock_is_undone_there_first(stream: str) -> No
     local, whole = faults_for("time_offset", stream, 0.05, (), {}, moved)
     assert (local, whole) == (ClockShift(stream, 70_000.0, (first, stop)), ClockShift(stream, 50_000.0))
     assert list(faults_for("time_offset", stream, 0.05, (), {}, facts)) == [whole]
+
+
+@pytest.mark.parametrize("stream", ["rgb", "depth"])
+def test_a_clock_that_is_late_by_varying_times_is_made_regular_first(stream: str) -> None:
+    """Frames that are stamped when they are recorded are 6 ms late, and up to 3 ms more. Those of a drift are not."""
+    facts = facts_of(memory_sequence())
+    times_ns = facts.clocks[stream].times_ns[0] + 20_000_000 * np.arange(26)
+    late_ns = 6_000_000 + 1000 * (np.arange(len(times_ns)) * 7919 % 3001)
+    recorded = replace(facts, clocks={**facts.clocks, stream: clock_of(times_ns + late_ns, None)})
+    first, whole = faults_for("time_offset", stream, 7.0, (), {}, recorded)
+    assert isinstance(first, ClockShift)
+    assert (first.offset_ns, first.regular_ns) == (float(np.median(late_ns)), (float(times_ns[0]), 20e6))
+    assert whole == ClockShift(stream, 7.0 * NS_PER_MS)
+    drifting = replace(facts, clocks={**facts.clocks, stream: clock_of(times_ns * 1003 // 1000, None)})
+    assert list(faults_for("time_offset", stream, 7.0, (), {}, drifting)) == [whole]
 
 
 def test_a_rate_of_a_part_of_a_clock_is_undone_there_first() -> None:
