@@ -260,7 +260,7 @@ def interpolations_of(poses: PoseSamples) -> dict[PoseValues, CurvatureEvenness]
         ("positions", VectorSamples(poses.positions_world_m), poses.positions_world_m),
         ("orientations", OrientationSamples(poses.orientations_xyzw), poses.orientations_xyzw),
     )
-    found: dict[PoseValues, CurvatureEvenness] = {}
+    interpolations: dict[PoseValues, CurvatureEvenness] = {}
     for name, curve, values in curves:
         # Rotations are twice as large as the components of their quaternions.
         factor = RADIANS_PER_COMPONENT if name == "orientations" else 1.0
@@ -271,8 +271,8 @@ def interpolations_of(poses: PoseSamples) -> dict[PoseValues, CurvatureEvenness]
         if not is_interpolated(whole):
             part = find_straight_lines(poses.times_ns, curve, resolution=resolution, step=step)
         if evenness := part or whole:
-            found[name] = evenness
-    return found
+            interpolations[name] = evenness
+    return interpolations
 
 
 def is_interpolated(interpolation: CurvatureEvenness | None) -> bool:

@@ -145,7 +145,7 @@ def clock_set_back(clock: Clock, backward: NDArray[np.intp]) -> ClockSetBack | N
     # Exchanged samples have few timestamps behind for each step back; a clock that was set back has many (_BEHIND).
     if not len(backward) or int(np.count_nonzero(~clock.advancing)) <= _BEHIND * len(backward):
         return None
-    if _is_even(np.diff(np.sort(clock.times_ns))):
+    if _is_even(np.sort(clock.times_ns)):
         return None
     first = int(backward[0])
     steps_ns = np.diff(clock.times_ns)
@@ -156,8 +156,9 @@ def clock_set_back(clock: Clock, backward: NDArray[np.intp]) -> ClockSetBack | N
     return ClockSetBack((ahead_ns if abs(ahead_ns + back_ns) <= period_ns else back_ns) / NS_PER_MS)
 
 
-def _is_even(steps_ns: NDArray[np.int64]) -> bool:
+def _is_even(times_ns: NDArray[np.int64]) -> bool:
     """Whether all steps are one period, to half of it: no period has two samples, and none has no sample."""
+    steps_ns = np.diff(times_ns)
     period_ns = float(np.median(steps_ns))
     return bool(np.all(np.abs(steps_ns - period_ns) < period_ns / 2))
 

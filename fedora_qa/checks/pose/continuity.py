@@ -303,8 +303,8 @@ class PoseContinuity(WindowCheck[PoseSamples]):
         )
 
         own_hz = rate_hz(poses)
-        for values, interpolation in interpolations_of(poses).items():
-            name, relation = _INTERPOLATED[values]
+        for interpolated, interpolation in interpolations_of(poses).items():
+            name, relation = _INTERPOLATED[interpolated]
             knots_hz = own_hz / interpolation.stride
             first, last = interpolation.rows or (0, -1)
             measurements.append(
