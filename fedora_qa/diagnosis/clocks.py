@@ -18,7 +18,7 @@ from fedora_qa.checks.index_maps.frame_to_event import MapRule, WrongEntries
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.diagnosis.clock_units import factors_of_span, is_tick_factor
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
-from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS
+from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS, clock_steps
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import FRAMES_OF_MAP
 from fedora_qa.sequence.facts import Facts, StrayEvents
@@ -141,6 +141,12 @@ def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             Hypothesis("time_offset", stream, support("clocks.gap_by_offset")),
             lost,
         )
+    clock = facts.clocks.get(stream)
+    steps = () if clock is None else clock_steps(clock.times_ns, resolution_ns=NS_PER_US)
+    if len(steps) == 1:
+        # A clock that was set by whole periods leaves the gap of lost samples. Findings of other checks tell them apart.
+        set_ms = steps[0].offset_ns / NS_PER_MS
+        return lost, Hypothesis("time_offset", stream, support("clocks.gap_of_step"), set_ms, "ms")
     return (lost,)
 
 

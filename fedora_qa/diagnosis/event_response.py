@@ -17,7 +17,7 @@ from fedora_qa.checks.event_response.frames import ChangeAnomalies
 from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
-from fedora_qa.checks.event_response.timing import DelayCourses, OffsetSize
+from fedora_qa.checks.event_response.timing import DelayCourses, DelayedSegment, OffsetSize
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
@@ -142,8 +142,13 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     compared = next((feature for feature in statistic.features if isinstance(feature, DelayCourses)), None)
     courses = _NO_COURSES if compared is None else with_clock_reset(compared, clock_reset(facts.events))
     if rule == "stretch":
+        part = next((feature for feature in statistic.features if isinstance(feature, DelayedSegment)), None)
+        # The part that is compared with the rest may be the one that is right.
+        size_ms, error_ms = (
+            (statistic.value, statistic.standard_error) if part is None else (part.offset_ms, part.error_ms)
+        )
         return (
-            *_offsets(statistic.value, statistic.standard_error, facts, courses.segment),
+            *_offsets(size_ms, error_ms, facts, courses.segment),
             Hypothesis("clock_rate", "events", _EVENTS * courses.drift),
             Hypothesis("clock_rate", "rgb", _FRAMES * courses.drift),
             wrong_model,

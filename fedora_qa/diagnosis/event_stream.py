@@ -81,7 +81,10 @@ def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     # The number of lost events has the Poisson error of the expected number.
     dropped = Hypothesis("dropped_samples", "events", supported, float(lost), "samples", sqrt(lost))
     of_resets = (hypothesis for reset in resets for hypothesis in hypotheses_of_reset(reset))
-    step = () if resets else (Hypothesis("time_offset", "events", support("event_stream.silence_of_step")),)
+    # A clock that was set has the length of the silence, up to the mean interval between events.
+    length_ms = alarm.statistic.value
+    of_step = support("event_stream.silence_of_step")
+    step = () if resets else (Hypothesis("time_offset", "events", of_step, length_ms, "ms", length_ms / max(lost, 1)),)
     return *packets, *of_resets, dropped, *step
 
 

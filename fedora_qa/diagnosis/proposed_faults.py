@@ -1,6 +1,6 @@
 """The faults that a trial undoes for a cause: mechanisms of ``fedora_qa.faults`` with sizes from the measurements."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import copysign, inf, isclose, isfinite, log
 from types import MappingProxyType
 from typing import Final, Literal, get_args
@@ -9,6 +9,7 @@ import numpy as np
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.clocks.span import StreamEnds
+from fedora_qa.checks.event_response.timing import DelayedSegment
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
@@ -47,6 +48,7 @@ from fedora_qa.diagnosis.proposed_motion_faults import (
 from fedora_qa.estimators.clocks.regular_clock import (
     DisplacedSegment,
     SlewedSegment,
+    clock_steps,
     displaced_part,
     rounding_grid_ns,
     slewed_part,
@@ -191,7 +193,10 @@ def _clock_shift(fit: FittedCause) -> Faults:
     if any(isinstance(feature, StrayEvents) for alarm in fit.alarms for feature in alarm.statistic.features):
         return  # which time single events had is unknown, and all others have theirs
     yield from _delayed_frames(fit)
-    part = _displaced_part(fit)
+    yield from _event_clock_steps(fit)
+    steps = list(_clock_steps(fit))
+    yield from steps
+    part = None if steps else _displaced_part(fit)
     if part is not None and not part.drift and abs(part.offset_ns) > _ROUNDINGS * NS_PER_US:
         # An offset of the whole clock would displace the timestamps that are correct. One of two roundings is as well a
         # drift of the part.
@@ -211,6 +216,60 @@ def _clock_shift(fit: FittedCause) -> Faults:
         steps_ns = np.diff(depth.times_ns[depth.advancing])
         if len(steps_ns):
             yield clocks.ClockShift(fit.stream, offset_ns - copysign(float(np.median(steps_ns)), offset_ns))
+
+
+def _clock_steps(fit: FittedCause) -> Faults:
+    """Yield the steps of a sampled clock: rows behind one are late, or those before it are early.
+
+    A step of whole periods is the gap that lost samples leave. It is a step of the clock only if a finding beside the
+    gap contradicts the timestamps, because nothing else contradicts those beside lost samples.
+    """
+    clock = fit.facts.clocks.get(fit.stream)
+    if clock is None or _slewed_part(fit) is not None:
+        return
+    steps = clock_steps(clock.times_ns, resolution_ns=NS_PER_US)
+    codes = {alarm.finding.code for alarm in fit.alarms}
+    if not steps or ("clocks.gaps.jump" not in codes and not _contradict_timestamps(codes, fit.family)):
+        return
+    first, *others = steps
+    if not others:
+        yield clocks.ClockShift(fit.stream, first.offset_ns, (first.row, None))
+        yield clocks.ClockShift(fit.stream, -first.offset_ns, (0, first.row))
+    elif abs(first.offset_ns + others[0].offset_ns) <= 2 * _ROUNDINGS * NS_PER_US:
+        # Set, and set back.
+        yield clocks.ClockShift(fit.stream, first.offset_ns, (first.row, others[0].row))
+
+
+def _event_clock_steps(fit: FittedCause) -> Faults:
+    """Yield the steps of the clock of the events: by an interval without events, then as the delay over time has them.
+
+    Lost events leave such an interval as well, and no delay.
+    """
+    codes = {alarm.finding.code for alarm in fit.alarms}
+    if fit.stream != "events" or not _contradict_timestamps(codes, "events"):
+        return
+    for alarm in fit.alarms:
+        place = alarm.finding.where
+        if alarm.finding.code == "event_stream.gaps.silence" and None not in (place.start_us, place.stop_us):
+            last_ns, next_ns = (fit.facts.from_file_us(us or 0.0) for us in (place.start_us, place.stop_us))
+            length_ns = round(alarm.statistic.value * NS_PER_MS)
+            # Events behind are late, so that the next one belongs where the silence began; or those before are early.
+            yield clocks.ClockShift("events", length_ns, while_ns=(next_ns - length_ns, None))
+            yield clocks.ClockShift("events", -length_ns, while_ns=(None, last_ns + length_ns + 1))
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    for part in dict.fromkeys(feature for feature in features if isinstance(feature, DelayedSegment)):
+        yield clocks.ClockShift("events", part.offset_ms * NS_PER_MS, while_ns=(part.begin_ns, part.end_ns))
+
+
+def _contradict_timestamps(codes: Iterable[str], family: str) -> bool:
+    """Whether findings, by their codes, compare what samples of a stream hold with other streams."""
+    checks = {
+        "imu": ("imu.",),
+        "pose": ("imu.", "flow_geometry.", "depth."),
+        "depth": ("depth.", "flow_geometry."),
+        "flow": ("flow_geometry.", "flow_photometric."),
+    }.get(family, ("event_response.", "flow_photometric."))
+    return any(code.startswith(checks) for code in codes)
 
 
 def _varying_shift(fit: FittedCause) -> Faults:

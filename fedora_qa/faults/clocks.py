@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_MS, NS_PER_US
+from fedora_qa.conventions import NS_PER_MS, NS_PER_US, US_PER_S
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Fault, RowRange, in_rows, rows_from, streams_in, values
 from fedora_qa.faults.index_maps import IndexShift, with_following_maps
@@ -60,12 +60,16 @@ class ClockShift:
     regular_ns
         First instant and period, ns, of a regular clock whose times were late by about the offset, each by a time of
         its own; undone, the timestamps are the nearest of its times, in whole microseconds. None: late by the constant.
+    while_ns
+        True times from which on, and before which, timestamps are late, ns from the file's origin; None at an end: up
+        to that end of the stream. Undone, all timestamps that such a late one can have are moved. None: always.
     """
 
     stream: str
     offset_ns: float
     rows: RowRange | None = None
     regular_ns: tuple[float, float] | None = None
+    while_ns: tuple[int | None, int | None] | None = None
     cause: ClassVar[str] = "time_offset"
 
     @property
@@ -76,16 +80,31 @@ class ClockShift:
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Add the offset."""
         offset_ns = round(self.offset_ns)
-        return _retimed(facts, self, f"{self.stream} {self.magnitude:.4g} ms late", lambda t: t + offset_ns)
+        description = f"{self.stream} {self.magnitude:.4g} ms late{self._place(facts)}"
+        return _retimed(facts, self, description, lambda t: np.where(self._holds_at(t), t + offset_ns, t))
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Subtract the offset."""
         offset_ns = round(self.offset_ns)
-        description = f"{self.stream} {self.magnitude:.4g} ms earlier"
+        description = f"{self.stream} {self.magnitude:.4g} ms earlier{self._place(facts)}"
         if self.regular_ns is not None:
             description += f", every {self.regular_ns[1] / NS_PER_MS:.6g} ms"
-        fault = _retimed(facts, self, description, lambda t: _on_regular_clock(t - offset_ns, self.regular_ns, facts))
-        return with_following_maps(facts, sequence, fault)
+
+        def earlier(times_ns: Int64) -> Int64:
+            true_ns = times_ns - offset_ns
+            return np.where(self._holds_at(true_ns), _on_regular_clock(true_ns, self.regular_ns, facts), times_ns)
+
+        return with_following_maps(facts, sequence, _retimed(facts, self, description, earlier))
+
+    def _holds_at(self, true_ns: Int64) -> NDArray[np.bool_]:
+        start_ns, stop_ns = self.while_ns or (None, None)
+        late = np.ones(true_ns.shape, np.bool_) if start_ns is None else true_ns >= start_ns
+        return late if stop_ns is None else late & (true_ns < stop_ns)
+
+    def _place(self, facts: Facts) -> str:
+        start_ns, stop_ns = self.while_ns or (None, None)
+        words = (("from", start_ns), ("until", stop_ns))
+        return "".join(f" {word} {facts.to_file_us(ns) / US_PER_S:.6g} s" for word, ns in words if ns is not None)
 
 
 @dataclass(frozen=True, slots=True)

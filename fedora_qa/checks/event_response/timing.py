@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, sqrt
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import MS_PER_S, NS_PER_S
 from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -66,6 +66,52 @@ class DelayCourses(Feature):
     drift: float
     segment: float
     reaches_end: bool
+
+
+@dataclass(frozen=True, slots=True)
+class DelayedSegment(Feature):
+    """The segment of time in which events are late, beside others that are not.
+
+    Attributes
+    ----------
+    offset_ms
+        Delay, ms; negative: early.
+    error_ms
+        Its standard error, ms.
+    begin_ns, end_ns
+        Ends of the segment, ns from the file's origin; None where it reaches the first or the last delay.
+    """
+
+    offset_ms: float
+    error_ms: float
+    begin_ns: int | None
+    end_ns: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class _SegmentFit:
+    """A segment with a delay of its own, fitted to the delays of the windows.
+
+    Attributes
+    ----------
+    squares
+        Sum of squares of the residuals over their errors.
+    free
+        Number of free parameters.
+    inside
+        (k,) windows in which the delay holds.
+    edge
+        Window of (k,) in which it begins or ends, and whose own delay lies between; None for a segment of whole windows.
+    offset_s, error_s
+        The delay, and its standard error.
+    """
+
+    squares: float
+    free: int
+    inside: NDArray[np.bool_]
+    edge: int | None
+    offset_s: float
+    error_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,17 +255,16 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
         if fitted is None:
             if searched is None:
                 return Observation(coverage, unobservable=why)
-            return Observation(coverage, (self._offset(searched, facts, None, of_all_pixels=True),))
+            return Observation(coverage, (self._offset(searched, facts, (), of_all_pixels=True),))
         segment, region = segment_offset(interpolation), region_offset(interpolation)
         local = _differs_clearly(segment) or _differs_clearly(region)
         # A search fits one offset to all events, which a segment or a region of another delay contradicts.
         if searched is not None and search_is_preferred(searched, fitted, facts) and not local:
-            return Observation(coverage, (self._offset(searched, facts, None, of_all_pixels=True),))
-        courses = None
+            return Observation(coverage, (self._offset(searched, facts, (), of_all_pixels=True),))
+        courses = delayed = None
         if segment is not None:
-            # Middles of the windows, s from the origin of the file.
-            times_s = np.array([0.5 * (each.start_ns + each.stop_ns) / NS_PER_S for each in interpolation])
-            courses = delay_courses(segment, times_s, 1e-3 * expected_delay_ms(declared, facts)[0])
+            spans_ns = np.array([(each.start_ns, each.stop_ns) for each in interpolation], np.int64)
+            courses, delayed = delay_courses(segment, spans_ns, 1e-3 * expected_delay_ms(declared, facts)[0])
         ppm, error_ppm = 1e6 * fitted.rate, 1e6 * fitted.rate_error
         rate = Statistic(
             name="clock_rate",
@@ -231,21 +276,24 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             f"{'fast' if ppm > 0 else 'slow'} against that of the colour frames.",
             code="event_response.timing.rate",
             where=Where(stream="events"),
-            features=(fitted, *_present(courses)),
+            features=(fitted, *_present(courses, delayed)),
         )
-        statistics = [self._offset(fitted, facts, courses, of_all_pixels=not _differs_clearly(region)), rate]
+        statistics = [
+            self._offset(fitted, facts, _present(courses, delayed), of_all_pixels=not _differs_clearly(region)),
+            rate,
+        ]
         if segment is not None:
             chosen = [each for each, inside in zip(interpolation, segment.step.chosen, strict=True) if inside]
             where, place = place_of_segment(facts, chosen[0].start_ns, chosen[-1].stop_ns)
             part_and_rest = (place, "in the rest of the sequence")
-            statistics.append(self._part("stretch", segment, where, part_and_rest, _present(courses)))
+            statistics.append(self._part("stretch", segment, where, part_and_rest, _present(courses, delayed)))
         if region is not None:
             where, place = place_of_tiles(facts, region.step.chosen)
             statistics.append(self._part("region", region, where, (place, "elsewhere"), ()))
         return Observation(coverage, tuple(statistics))
 
     def _offset(
-        self, estimate: ClockOffset, facts: Facts, courses: DelayCourses | None, *, of_all_pixels: bool
+        self, estimate: ClockOffset, facts: Facts, courses: tuple[Feature, ...], *, of_all_pixels: bool
     ) -> Statistic:
         expected, tick_error = expected_delay_ms(facts.declared.events, facts)
         # In ms; the error of the expected delay adds to the bound.
@@ -263,7 +311,7 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
             f"{'late' if offset > 0 else 'early'} against the colour frames.",
             code="event_response.timing.offset",
             where=Where(stream="events"),
-            features=(estimate, size, *_present(courses)),
+            features=(estimate, size, *courses),
         )
 
     def _part(
@@ -287,53 +335,107 @@ class EventResponseTiming(WindowCheck[TimingSummary]):
         )
 
 
-def delay_courses(local: LocalOffset, times_s: NDArray[np.float64], expected_s: float) -> DelayCourses:
+def delay_courses(
+    local: LocalOffset, spans_ns: NDArray[np.int64], expected_s: float
+) -> tuple[DelayCourses, DelayedSegment | None]:
     """Return the probabilities of three courses of the delay over the windows, by exp(-BIC / 2) (Schwarz 1978).
 
     An offset and a rate (delay 0 at the origin of the file) have one parameter each; a segment has three, with its
-    ends. Residuals of the best course count as noise.
+    ends, and a fourth where it begins or ends within a window, whose delay then lies between. Residuals of the best
+    course count as noise. Which of two parts has the delay follows from the expected delay, where no third part does.
 
     Parameters
     ----------
     local
         Delays of the windows, and the segment whose delay differs most.
-    times_s
-        (k,) middles of the windows, s from the file's origin.
+    spans_ns
+        (k, 2) begin and end of the windows, ns from the file's origin.
     expected_s
         Delay of a correct file, s.
 
     Returns
     -------
-    DelayCourses
+    courses
         Of sum 1.
+    segment
+        The best one; None where all windows, or none, have the delay.
     """
     usable = np.isfinite(local.delays_s) & np.isfinite(local.errors_s)
-    delays_s, errors_s, at_s = (local.delays_s - expected_s)[usable], local.errors_s[usable], times_s[usable]
+    delays_s, errors_s, spans_ns = (local.delays_s - expected_s)[usable], local.errors_s[usable], spans_ns[usable]
     inside = local.step.chosen[usable]
     count = len(delays_s)
-    # Number of free parameters: a segment has its size, its start and its stop.
-    courses = ((np.ones(count), 1), (at_s, 1), (inside.astype(np.float64), 3))
-    squares_of = []
-    for course, _ in courses:
-        # Sum of squares of the delays less the best multiple of the course, each over its error.
-        values, weighted = delays_s / errors_s, course / errors_s
-        # Least squares of one multiple m in y = m x, both over the error of y: m = x . y / x . x.
-        multiple = float(values @ weighted) / max(float(weighted @ weighted), 1e-300)
-        squares_of.append(float(np.sum((values - multiple * weighted) ** 2)))
+    squares_of, free_of = [], []
+    # Middles of the windows, s.
+    for course in (np.ones(count), spans_ns.mean(axis=1) / NS_PER_S):
+        squares_of.append(_fitted_multiple(delays_s, errors_s, course)[0])
+        free_of.append(1)
+    segments = _segment_fits(delays_s, errors_s, inside)
+    # BIC = chi^2 + k ln n
+    best = min(segments, key=lambda fit: fit.squares + fit.free * np.log(count), default=None)
+    squares_of.append(np.inf if best is None else best.squares)
+    free_of.append(0 if best is None else best.free)
     squares = np.array(squares_of)
     # Scatter beyond the errors counts as noise; otherwise a large chi^2 would make any course certain.
     noise = max(1.0, float(squares.min()) / max(count - 1, 1))
-    # BIC = chi^2 + k ln n
-    criteria = squares / noise + np.array([free for _, free in courses]) * np.log(count)
+    criteria = squares / noise + np.array(free_of) * np.log(count)
     # Only differences of BIC matter; the least is subtracted so that exp does not underflow.
     probabilities = np.exp(-0.5 * (criteria - criteria.min()))
     probabilities /= probabilities.sum()
     constant, drift, segment = (float(probability) for probability in probabilities)
-    return DelayCourses(constant, drift, segment, reaches_end=bool(inside[0] or inside[-1]))
+    courses = DelayCourses(constant, drift, segment, reaches_end=bool(inside[0] or inside[-1]))
+    return courses, None if best is None else _delayed_segment(best, delays_s, spans_ns)
 
 
-def _present(courses: DelayCourses | None) -> tuple[Feature, ...]:
-    return () if courses is None else (courses,)
+def _fitted_multiple(
+    delays_s: NDArray[np.float64], errors_s: NDArray[np.float64], course: NDArray[np.float64]
+) -> tuple[float, float, float]:
+    """Return chi^2 of the delays less the best multiple of a course, that multiple, and its standard error."""
+    values, weighted = delays_s / errors_s, course / errors_s
+    # Least squares of one multiple m in y = m x, both over the error of y: m = x . y / x . x, of variance 1 / x . x.
+    squared = max(float(weighted @ weighted), 1e-300)
+    multiple = float(values @ weighted) / squared
+    return float(np.sum((values - multiple * weighted) ** 2)), multiple, 1 / sqrt(squared)
+
+
+def _segment_fits(
+    delays_s: NDArray[np.float64], errors_s: NDArray[np.float64], inside: NDArray[np.bool_]
+) -> list[_SegmentFit]:
+    """Return the fits of a segment with a delay: the one that differs, or all others if it lies at one end."""
+    fits: list[_SegmentFit] = []
+    sides = (inside, ~inside) if bool(inside[0]) != bool(inside[-1]) else (inside,)
+    for side in sides:
+        changes = np.flatnonzero(side[1:] != side[:-1])
+        edges: tuple[int | None, ...] = (None, *sorted({*changes.tolist(), *(changes + 1).tolist()}))
+        for edge in edges:
+            measured = np.ones(len(side), np.bool_)
+            if edge is not None:
+                measured[edge] = False
+            held = side & measured
+            if held.any() and not held[measured].all():
+                course = held[measured].astype(np.float64)
+                squares, offset_s, error_s = _fitted_multiple(delays_s[measured], errors_s[measured], course)
+                # Its size, its begin and its end; at an edge window the part of it that has the delay.
+                fits.append(_SegmentFit(squares, 3 + (edge is not None), held, edge, offset_s, error_s))
+    return fits
+
+
+def _delayed_segment(fit: _SegmentFit, delays_s: NDArray[np.float64], spans_ns: NDArray[np.int64]) -> DelayedSegment:
+    first, last = (int(row) for row in np.flatnonzero(fit.inside)[[0, -1]])
+    begin_ns = None if first == 0 else int(spans_ns[first, 0])
+    end_ns = None if last == len(delays_s) - 1 else int(spans_ns[last, 1])
+    if fit.edge is not None:
+        start_ns, stop_ns = (int(ns) for ns in spans_ns[fit.edge])
+        # The delay of the window is the mean over its time.
+        late_ns = round(float(np.clip(delays_s[fit.edge] / fit.offset_s, 0, 1)) * (stop_ns - start_ns))
+        if fit.edge == first - 1:
+            begin_ns = stop_ns - late_ns
+        elif fit.edge == last + 1:
+            end_ns = start_ns + late_ns
+    return DelayedSegment(MS_PER_S * fit.offset_s, MS_PER_S * fit.error_s, begin_ns, end_ns)
+
+
+def _present(*features: Feature | None) -> tuple[Feature, ...]:
+    return tuple(feature for feature in features if feature is not None)
 
 
 def _sums(state: Sequence[TimingSummary]) -> list[TimingSums]:

@@ -310,6 +310,44 @@ def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment |
 
 
 @dataclass(frozen=True, slots=True)
+class ClockStep:
+    """A step of a clock that is exact otherwise.
+
+    Attributes
+    ----------
+    row
+        First row behind the step.
+    offset_ns
+        Excess of the step over the period, ns: what rows behind it are later than those before it. It may be whole
+        periods, as lost samples leave them.
+    """
+
+    row: int
+    offset_ns: int
+
+
+def clock_steps(times_ns: Int64, *, resolution_ns: int) -> tuple[ClockStep, ...]:
+    """Return the steps by which an exact clock was set; none where more than two steps are no period.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps, ns.
+    resolution_ns
+        Unit to which the timestamps are rounded, ns.
+    """
+    if len(times_ns) < 3:
+        return ()
+    steps = np.diff(times_ns)
+    period = int(np.median(steps))
+    if period <= 0 or np.mean(steps == period) < _EXACT_RATIO:
+        return ()
+    behind = np.flatnonzero(np.abs(steps - period) > _ROUNDINGS * resolution_ns)
+    # A clock is set and set back.
+    return tuple(ClockStep(int(row) + 1, int(steps[row]) - period) for row in behind) if len(behind) <= 2 else ()
+
+
+@dataclass(frozen=True, slots=True)
 class SlewedSegment:
     """Time in which an exact clock has a rate error, after which it runs right again and keeps its offset.
 
