@@ -142,6 +142,13 @@ def _of_one_rate(rate: str, features: Sequence[Feature], facts: Facts) -> tuple[
         else hypothesis
         for hypothesis in convention_hypotheses(rate, trials, flow, share_off=share_off)
     ]
+    # Flow may as well be made with a camera that is turned against the declared one, the other way round.
+    of_flow = support("flow_geometry.second_stream_of_a_parameter")
+    conventions += [
+        replace(h, stream=flow, support=of_flow * h.support, magnitude=None if h.magnitude is None else -h.magnitude)
+        for h in conventions
+        if (h.cause, h.stream) == ("extrinsic_rotation", "metadata")
+    ]
     # Fields that repeat another, or that begin at depth that does, deviate for that reason, unless a transform gives
     # them exactly: the field of a lower rate repeats as well.
     repeated = (extent.repeats_of_flow + extent.repeats_of_depth) / max(extent.count, 1)

@@ -98,7 +98,7 @@ def mounting(fit: FittedCause) -> Faults:
         yield mountings.MountingRotation("metadata", (-x_deg, -y_deg, -z_deg), "rgb")
     for turned in _turned_mountings(fit):
         for camera in _suspected_cameras(fit):
-            yield mountings.MountingRotation("metadata", turned, camera)
+            yield mountings.MountingRotation(fit.stream, turned, camera)
     names = ("pitch", "yaw", "roll")
     pitch, yaw, roll = fitted_vector(fit) or flow_vector("mounting", names, fit.stream, fit.results)
     about_axes = ((fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
@@ -117,11 +117,15 @@ def mounting_lever_arm(fit: FittedCause) -> Faults:
 
 
 def _turned_mountings(fit: FittedCause) -> Iterator[Vector3]:
-    """Yield the rotation by which flow and depth move as the poses do, of the field that follows it most closely."""
+    """Yield the rotation by which flow and depth move as the poses do, of the field that follows it most closely.
+
+    The camera with which flow was made is turned against the declared one as far as that is against it, the other way.
+    """
     trials = [feature for alarm in fit.alarms for feature in alarm.statistic.features
               if isinstance(feature, ConventionTrial) and feature.transform == "turned_mounting"]  # fmt: skip
-    if fit.stream == "metadata" and trials:
-        x_deg, y_deg, z_deg = max(trials, key=lambda trial: trial.removed_share).components
+    if trials and (fit.stream == "metadata" or fit.family == "flow"):
+        sign = 1.0 if fit.stream == "metadata" else -1.0
+        x_deg, y_deg, z_deg = (sign * angle for angle in max(trials, key=lambda trial: trial.removed_share).components)
         yield x_deg, y_deg, z_deg
 
 

@@ -270,6 +270,16 @@ def test_the_vector_of_which_the_size_is_the_norm_is_undone() -> None:
     assert of_camera == MountingRotation("metadata", (-3.0, 0.0, 4.0), "depth")
 
 
+def test_flow_of_axes_that_are_turned_far_is_undone_the_other_way_round() -> None:
+    """A mounting that follows flow and depth is that of the flow where it is not that of the declared camera."""
+    trial = ConventionTrial("flow/10hz", "turned_mounting", "metadata", 0.99, 120.0, (69.3, -69.3, 69.3))
+    alarms, facts = [alarm("flow_geometry.endpoint.error", trial)], facts_of(memory_sequence())
+    of_camera = next(iter(faults_for("extrinsic_rotation", "metadata", 120.0, alarms, {}, facts)))
+    of_flow = next(iter(faults_for("extrinsic_rotation", "flow", -120.0, alarms, {}, facts)))
+    assert of_camera == MountingRotation("metadata", (69.3, -69.3, 69.3), "depth")
+    assert of_flow == MountingRotation("flow", (-69.3, 69.3, -69.3))
+
+
 def test_both_components_of_a_shift_of_flow_are_undone() -> None:
     """Near whole pixels these come first: undoing them loses nothing."""
     facts = facts_of(memory_sequence())
