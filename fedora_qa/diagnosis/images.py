@@ -36,17 +36,26 @@ def propose_repeats(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     count = alarm.statistic.value
     return (
         Hypothesis("frozen_frames", "rgb", support("images.repeats_frozen"), count, "samples", 0.0),
+        Hypothesis("time_offset", "rgb", support("images.repeats_late")),
         Hypothesis("duplicated_samples", "rgb", support("images.repeats_duplicated"), count, "samples", 0.0),
     )
 
 
 def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for frames, or parts of frames, that the flow does not map onto the next frame."""
-    of_order = hypotheses_of_order(only_feature(alarm.statistic.features, OutOfOrderIntervals))
+    intervals = only_feature(alarm.statistic.features, OutOfOrderIntervals)
+    of_order = hypotheses_of_order(intervals)
     _, lost = frames_lost_before(alarm, facts)
-    if not lost:
+    if not lost and intervals.displaced is None:
         return of_order
     period_ms = float(np.median(np.diff(facts.clocks["rgb"].times_ns))) / NS_PER_MS
+    if intervals.displaced is not None:
+        late_ms = intervals.displaced.frames * period_ms
+        return (
+            # Whole frames are counted: the number has no error.
+            Hypothesis("time_offset", "rgb", support("images.order_for_a_while"), late_ms, "ms", 0.0),
+            *of_order,
+        )
     # All frames behind the loss are early by the frames that are missing.
     return (
         Hypothesis("time_offset", "rgb", support("images.order_renumbered"), -lost[0] * period_ms, "ms"),

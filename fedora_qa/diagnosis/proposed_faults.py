@@ -11,6 +11,7 @@ from fedora_qa.causes import stream_family
 from fedora_qa.checks.clocks.span import StreamEnds
 from fedora_qa.checks.event_response.timing import DelayedSegment
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
+from fedora_qa.checks.images.order import OutOfOrderIntervals
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
 from fedora_qa.checks.integrity.finite import OutOfRange
@@ -176,17 +177,27 @@ def _parts_of_depth(fit: FittedCause) -> list[RowRange]:
     return [part for part in ends if part != (0, None)]
 
 
+def _displaced_frames(fit: FittedCause) -> list[RowRange]:
+    """Return the colour frames that follow each other in the place of others."""
+    found = (feature.displaced for alarm in fit.alarms for feature in alarm.statistic.features
+             if isinstance(feature, OutOfOrderIntervals))  # fmt: skip
+    return list(dict.fromkeys((each.first, each.stop) for each in found if each is not None))
+
+
 def _delayed_frames(fit: FittedCause) -> Faults:
-    """Yield depth frames that hold the values of others, where the offset is one of whole frames."""
-    depth = fit.facts.clocks.get("depth")
-    steps_ns = np.diff(depth.times_ns[depth.advancing]) if depth is not None else np.zeros(0)
-    if fit.stream != "depth" or not len(steps_ns):
+    """Yield frames that hold the values of others, where the offset is one of whole frames."""
+    parts = {"depth": _parts_of_depth, "rgb": _displaced_frames}.get(fit.stream, lambda _: [])(fit)
+    clock = fit.facts.clocks.get(fit.stream)
+    if clock is None or not parts:
+        return
+    steps_ns = np.diff(clock.times_ns[clock.advancing])
+    if not len(steps_ns):
         return
     period_ms = float(np.median(steps_ns)) / NS_PER_MS
     frames = round(fit.size / period_ms)
     if frames and isclose(frames * period_ms, fit.size, rel_tol=_WHOLE_FRAMES):
-        for part in _parts_of_depth(fit):
-            yield row_order.DelayedFrames(frames, frames * period_ms, part)
+        for part in parts:
+            yield row_order.DelayedFrames(frames, frames * period_ms, part, fit.stream)
 
 
 def _clock_shift(fit: FittedCause) -> Faults:

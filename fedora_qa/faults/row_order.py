@@ -205,7 +205,7 @@ class SwappedFrames:
 
 @dataclass(frozen=True, slots=True)
 class DelayedFrames:
-    """Depth frames of a range of rows hold the values of other frames, some rows before or after them.
+    """Frames of a range of rows hold the values of other frames, some rows before or after them.
 
     Attributes
     ----------
@@ -215,12 +215,14 @@ class DelayedFrames:
         The same, ms.
     rows
         The frames. Those that the values of others have replaced, at one end of them, are lost.
+    stream
+        ``depth`` or ``rgb``.
     """
 
     frames: int
     offset_ms: float
     rows: RowRange
-    stream: ClassVar[str] = "depth"
+    stream: str = "depth"
     cause: ClassVar[str] = "time_offset"
 
     @property
@@ -231,23 +233,35 @@ class DelayedFrames:
     def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
         """Replace the values; where the file has no frame so far away, they stay."""
         key, count = self._key_and_count(facts)
-        description = f"depth frames hold the values of row n {-self.frames:+d}"
+        description = f"{self.stream} frames hold the values of row n {-self.frames:+d}"
         return Fault(description, {key: rows_from(self._moved_by(-self.frames), count)})
 
     def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Return the values to their frames; lost ones become NaN."""
+        """Return the values to their frames.
+
+        Lost ones become NaN, which colour does not have: there they pass evenly from the frame before to the one after.
+        """
         key, count = self._key_and_count(facts)
         restore = rows_from(self._moved_by(self.frames), count)
         start, stop = self.rows[0], count if self.rows[1] is None else self.rows[1]
         lost = (max(stop - self.frames, start), stop) if self.frames > 0 else (start, min(start - self.frames, stop))
+        # The rows, as they are stored, of the frames before and after those that are lost.
+        before, after = (stop - 1, min(stop, count - 1)) if self.frames > 0 else (max(start - 1, 0), start)
 
         def alter(read: Read, first: int, last: int) -> NDArray[Any]:
-            frames = restore(read, first, last)
-            is_lost = within(np.arange(first, last), lost).reshape(-1, *(1,) * (frames.ndim - 1))
-            return np.where(is_lost, frames.dtype.type(np.nan), frames)
+            frames, rows = restore(read, first, last), np.arange(first, last)
+            inside = within(rows, lost)
+            if np.issubdtype(frames.dtype, np.floating):
+                return np.where(inside.reshape(-1, *(1,) * (frames.ndim - 1)), frames.dtype.type(np.nan), frames)
+            for place in np.flatnonzero(inside).tolist():
+                share = (first + place - lost[0] + 1) / (lost[1] - lost[0] + 1)
+                faded = (1 - share) * read(before, before + 1)[0] + share * read(after, after + 1)[0]
+                frames = np.concatenate([frames[:place], np.rint(faded)[np.newaxis].astype(frames.dtype),
+                                         frames[place + 1 :]])  # fmt: skip
+            return frames
 
         until = "the end" if self.rows[1] is None else self.rows[1] - 1
-        description = f"depth of rows {self.rows[0]} to {until} {self.offset_ms:.4g} ms earlier"
+        description = f"{self.stream} of rows {self.rows[0]} to {until} {self.offset_ms:.4g} ms earlier"
         return Fault(description, {key: alter})
 
     def _key_and_count(self, facts: Facts) -> tuple[str, int]:

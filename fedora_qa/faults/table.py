@@ -50,7 +50,7 @@ def _every(cause: str, entry: TableEntry, streams: Iterable[str] | None = None) 
 FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
     {
         **_every("time_offset", (clocks.ClockShift,)),
-        ("time_offset", "depth"): (clocks.ClockShift, row_order.DelayedFrames),
+        **{("time_offset", stream): (clocks.ClockShift, row_order.DelayedFrames) for stream in ("depth", "rgb")},
         **_every("clock_rate", (clocks.ClockRate,)),
         **_every("dropped_samples", WithoutInverse("The missing samples are not stored.")),
         **_every("duplicated_samples", (row_order.DuplicatedSamples,)),

@@ -14,6 +14,7 @@ def test_frames_that_repeat_are_frozen_rather_than_doubled() -> None:
     """Both have the number of the frames, without an error: it is counted."""
     assert proposed("images.repeats.frames", value=4.0) == (
         Hypothesis("frozen_frames", "rgb", 0.95, 4.0, "samples", 0.0),
+        Hypothesis("time_offset", "rgb", 0.4),
         Hypothesis("duplicated_samples", "rgb", 0.5, 4.0, "samples", 0.0),
     )
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
-from fedora_qa.checks.images.order import OutOfOrderIntervals
+from fedora_qa.checks.images.order import DisplacedFrames, OutOfOrderIntervals
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
@@ -413,6 +413,23 @@ def test_frames_behind_a_loss_are_undone_as_early(missing: int, ratio: float, co
     *parts, whole = faults_for("time_offset", "rgb", first.magnitude, (of_order,), {}, lost)
     assert parts == [ClockShift("rgb", -count * period_ns, (2, None)) for count in counts]
     assert whole == ClockShift("rgb", -counts[0] * period_ns)
+
+
+def test_colour_of_other_frames_for_a_while_is_undone_there() -> None:
+    """Frames that hold the values of the one before them are given back, as many as lie between the intervals."""
+    facts = facts_of(memory_sequence())
+    period_ms = float(np.median(np.diff(facts.clocks["rgb"].times_ns))) / NS_PER_MS
+    shown = alarm("images.order.share", OutOfOrderIntervals((0.0, 2.0), False, True, DisplacedFrames(2, 4, 1)))
+    fault = next(iter(faults_for("time_offset", "rgb", period_ms, [shown], {}, facts)))
+    assert fault == DelayedFrames(1, period_ms, (2, 4), "rgb")
+    undone = fault.undo(facts, memory_sequence()).rows["path/rgb"]
+    sequence = memory_sequence()
+    stored = np.asarray(sequence.rows("path/rgb", 0, facts.sizes["path/rgb"]))
+    frames = undone(lambda first, last: stored[first:last], 0, len(stored))
+    np.testing.assert_array_equal(frames[2], stored[3])
+    # The one that was lost lies between those around it.
+    np.testing.assert_allclose(frames[3], (stored[3].astype(float) + stored[4]) / 2, atol=0.5)
+    np.testing.assert_array_equal(np.delete(frames, [2, 3], axis=0), np.delete(stored, [2, 3], axis=0))
 
 
 @pytest.mark.parametrize(

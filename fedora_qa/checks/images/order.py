@@ -94,6 +94,23 @@ class FrameInterval(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
+class DisplacedFrames:
+    """Frames that follow each other as they should, in the place of other frames.
+
+    Attributes
+    ----------
+    first, stop
+        Rows of the first of them, and of the one after the last; None: to the end of the file.
+    frames
+        By how many frames they are late; negative: early.
+    """
+
+    first: int
+    stop: int | None
+    frames: int
+
+
+@dataclass(frozen=True, slots=True)
 class OutOfOrderIntervals(Feature):
     """Intervals in which the displacement of the frames differs from the flow.
 
@@ -106,11 +123,14 @@ class OutOfOrderIntervals(Feature):
         not, but an interval beside was not measured.
     isolated
         Whether each interval has neighbours in order on both sides.
+    displaced
+        Frames between two intervals that make up for each other; None without any.
     """
 
     relative_ratios: tuple[float, ...]
     frames_return: bool | None
     isolated: bool
+    displaced: DisplacedFrames | None = None
 
 
 class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
@@ -342,4 +362,32 @@ def intervals_out_of_order(intervals: Sequence[FrameInterval]) -> OutOfOrderInte
         tuple(interval.relative_ratio for interval in ordered if abs(interval.relative_ratio - 1) > ALLOWED),
         True if returns else False if complete else None,
         bool(runs) and complete and all(run.length == 1 for run in runs),
+        # Frames that were not measured may be out of order as well.
+        _displaced([interval for interval, is_off in zip(ordered, off, strict=True) if is_off], ordered)
+        if all(follows[1:-1])
+        else None,
     )
+
+
+def _displaced(off: Sequence[FrameInterval], ordered: Sequence[FrameInterval]) -> DisplacedFrames | None:
+    """Return the frames between two intervals out of order, of which the second makes up for the first.
+
+    Frames that are d late begin with a displacement of 1 - d, follow each other, and end with one of 1 + d, of which
+    the whole is 2. Those that are late to the end of the file make up for nothing. A single frame in the place of
+    another is one that is frozen or lost.
+    """
+    if len(off) == 1 and off[0].after < ordered[-1].before:
+        late = 1 - off[0].relative_ratio
+        return DisplacedFrames(off[0].after, None, round(late)) if late > ALLOWED and _is_whole(late) else None
+    if len(off) != 2 or off[1].before <= off[0].after:
+        return None
+    begins, ends = (interval.relative_ratio - 1 for interval in off)
+    # A long displacement is measured too short: the shorter one states how many frames it is.
+    late = -begins if begins < 0 else ends
+    if begins * ends >= 0 or not _is_whole(late):
+        return None
+    return DisplacedFrames(off[0].after, off[1].before + 1, round(late))
+
+
+def _is_whole(frames: float) -> bool:
+    return abs(frames - round(frames)) <= _IN_PLACE

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.catalogue import hypotheses_of
-from fedora_qa.checks.images.order import FrameInterval, ImagesOrder, intervals_out_of_order
+from fedora_qa.checks.images.order import DisplacedFrames, FrameInterval, ImagesOrder, intervals_out_of_order
 from fedora_qa.diagnosis.images import hypotheses_of_order
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.window import Sampling
@@ -168,6 +168,25 @@ def test_what_is_out_of_order_is_told_from_the_run(measured: list[FrameInterval]
     """Frames out of place fall short and catch up side by side; whatever does not is the image's own."""
     hypotheses = hypotheses_of_order(intervals_out_of_order(measured))
     assert max(hypotheses, key=lambda hypothesis: hypothesis.support).cause == cause
+
+
+@pytest.mark.parametrize(
+    ("measured", "displaced"),
+    [
+        pytest.param(intervals(1, 1, 0, 1, 1, 2, 1), DisplacedFrames(3, 6, 1), id="a frame late"),
+        pytest.param(intervals(1, -2, 1, 1, 3.2, 1), DisplacedFrames(2, 5, 3), id="three frames late"),
+        pytest.param(intervals(1, 2, 1, 1, 0.1, 1), DisplacedFrames(2, 5, -1), id="a frame early"),
+        pytest.param(intervals(1, 1, -1, 1, 1), DisplacedFrames(3, None, 2), id="two frames late to the end"),
+        pytest.param(intervals(1, 0, 2, 1, 1), None, id="a single frame"),
+        pytest.param(intervals(1, 1, 0), None, id="nothing known behind it"),
+        pytest.param(intervals(1, 1.6, 1, 1, 0.4, 1), None, id="moved by no whole frame"),
+    ],
+)
+def test_frames_that_follow_each_other_in_the_place_of_others(
+    measured: list[FrameInterval], displaced: DisplacedFrames | None
+) -> None:
+    """The displacement at their first frame states by how many they are late, and that behind the last makes up."""
+    assert intervals_out_of_order(measured).displaced == displaced
 
 
 def test_order_alone_is_in_order() -> None:
