@@ -156,11 +156,18 @@ def propose_channels(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     )  # fmt: skip
 
 
+def is_of_a_display(exponent: float, error: float = 0.0) -> bool:
+    """Whether an exponent is that of a display's curve, in either direction, within an error.
+
+    Linear light encoded for a display gives 1 / 2.2, such codes taken as linear 2.2.
+    """
+    low, high = EXPONENTS_OF_DISPLAYS
+    return any(lower - error <= exponent <= upper + error for lower, upper in ((low, high), (1 / high, 1 / low)))
+
+
 def propose_transfer(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return another transfer curve as a cause, and the threshold where it has the effect of the fitted exponent."""
-    exponent, (low, high) = alarm.statistic.value, EXPONENTS_OF_DISPLAYS
-    # Either direction of the curve: linear light encoded for a display (1 / 2.2), or such codes taken as linear (2.2).
-    of_a_display = low <= exponent <= high or 1 / high <= exponent <= 1 / low
+    of_a_display = is_of_a_display(alarm.statistic.value)
     # In the linear model an exponent changes steps by their level; a threshold does not. Nor does it leave codes out.
     by_codes = any(isinstance(feature, CodesBent) for feature in alarm.statistic.features)
     bent = of_a_display or by_codes or alarm.statistic.name == "exponent"

@@ -23,6 +23,7 @@ from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.flow import CAUSES_OF_TRANSFORM, fractions_of_px
 from fedora_qa.diagnosis.image_parts import fewest_fields_off, part_of_images, part_of_time
+from fedora_qa.diagnosis.images import is_of_a_display
 from fedora_qa.diagnosis.length_units import ratio_of_units
 from fedora_qa.diagnosis.measured_sizes import Results, deviation, frames_lost_before, measured, rgb_px_per_event_px
 from fedora_qa.diagnosis.proposed_camera_faults import (
@@ -574,14 +575,20 @@ def _curves(fit: FittedCause) -> Faults:
     features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
     for bent in (feature for feature in features if isinstance(feature, CodesBent)):
         yield images.PowerCurve(bent.exponent)
-    for name in ("exponent", "exponent_at_declared_thresholds"):
-        measurement = measured(fit.results.get("images.transfer"), name)
-        if measurement is not None and measurement.value is not None and measurement.value > 0:
-            yield images.PowerCurve(1.0 / measurement.value)
+    measurements = (measured(fit.results.get("images.transfer"), name)
+                    for name in ("exponent", "exponent_at_declared_thresholds"))  # fmt: skip
+    fitted = [each for each in measurements if each is not None and each.value is not None and each.value > 0]
+    # A curve of a display has no number to fit: where the exponent may be its own it comes first. Codes that get darker
+    # are displayed ones that are not declared so; those that get brighter were decoded once too often.
     declared = fit.facts.declared.transfer
-    for actual in get_args(images.Transfer):
-        if actual != declared:
-            yield images.TransferMisdeclared(actual, declared)
+    displays = [transfer for transfer in get_args(images.Transfer) if transfer != "linear"]
+    misdeclared = [images.TransferMisdeclared(actual, declared) for actual in get_args(images.Transfer)
+                   if actual != declared]  # fmt: skip
+    powers = [images.PowerCurve(1.0 / each.value) for each in fitted if each.value]
+    if any(each.value < 1 and is_of_a_display(each.value, each.limit or 0.0) for each in fitted if each.value):
+        yield from (images.DecodedTwice(transfer) for transfer in displays)
+    yield from powers
+    yield from misdeclared
 
 
 _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyType(

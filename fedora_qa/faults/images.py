@@ -170,6 +170,32 @@ class TransferMisdeclared:
 
 
 @dataclass(frozen=True, slots=True)
+class DecodedTwice:
+    """The transfer curve of a display is taken from codes that do not have it, or once too often: they get darker.
+
+    Attributes
+    ----------
+    transfer
+        Curve of the display.
+    """
+
+    transfer: Transfer
+    cause: ClassVar[str] = "exposure_or_gamma"
+    stream: ClassVar[str] = "rgb"
+    magnitude: ClassVar[None] = None
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Decode."""
+        description = f"rgb is decoded from {self.transfer} once too often"
+        return _of_colour(facts, description, lambda frames: _recoded(frames, to_linear(_CODES, self.transfer)))
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Encode: codes that decoding has merged become one code."""
+        description = f"rgb encoded as {self.transfer}"
+        return _of_colour(facts, description, lambda frames: _recoded(frames, to_code(_CODES, self.transfer)))
+
+
+@dataclass(frozen=True, slots=True)
 class Vignetting:
     """Frames get darker from the principal point to the farthest corner, in linear light.
 

@@ -128,7 +128,10 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every("swapped_frames", (row_order.SwappedFrames,)),
         **_every("other_sequence", WithoutInverse("The stream of this sequence is not in the file.")),
         **_every("channel_order", (images.ChannelOrder,)),
-        **_every("exposure_or_gamma", (images.ExposureGain, images.PowerCurve, images.TransferMisdeclared)),
+        **_every(
+            "exposure_or_gamma",
+            (images.ExposureGain, images.PowerCurve, images.TransferMisdeclared, images.DecodedTwice),
+        ),
         **_every("vignetting", (images.Vignetting,)),
         **_every("depth_ray_not_z", (images.RayLength,)),
         **_every("invalid_encoding", (images.InvalidCode,)),

@@ -97,6 +97,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         flow.FlowIntervalShift: "The field at one end of the sequence is not stored; compute the flow again.",
         images.ChannelOrder: _MECHANICAL,
         images.ExposureGain: _CODES,
+        images.DecodedTwice: _CODES,
         images.PowerCurve: _CODES,
         images.TransferMisdeclared: _MECHANICAL,
         images.Vignetting: _CODES,

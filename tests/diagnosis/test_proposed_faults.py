@@ -19,7 +19,7 @@ from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.clocks import ClockRate, ClockShift
 from fedora_qa.faults.fault import is_of_part
-from fedora_qa.faults.images import RayLength
+from fedora_qa.faults.images import DecodedTwice, PowerCurve, RayLength
 from fedora_qa.faults.intrinsics import FocalLength, PrincipalPointShift
 from fedora_qa.faults.motion import AngleSense, QuaternionOrder
 from fedora_qa.faults.mountings import MountingLeverArm, MountingRotation
@@ -430,6 +430,14 @@ def test_colour_of_other_frames_for_a_while_is_undone_there() -> None:
     # The one that was lost lies between those around it.
     np.testing.assert_allclose(frames[3], (stored[3].astype(float) + stored[4]) / 2, atol=0.5)
     np.testing.assert_array_equal(np.delete(frames, [2, 3], axis=0), np.delete(stored, [2, 3], axis=0))
+
+
+def test_codes_that_get_brighter_may_have_been_decoded_once_too_often() -> None:
+    """An exponent that may be that of a display has the exact curve first; one far from it has a power alone."""
+    facts = facts_of(memory_sequence())
+    for exponent, first in ((0.5, DecodedTwice("srgb")), (0.9, PowerCurve(1 / 0.9)), (2.2, PowerCurve(1 / 2.2))):
+        bent = dict([result("images.transfer", exponent_at_declared_thresholds=exponent)])
+        assert next(iter(faults_for("exposure_or_gamma", "rgb", None, (), bent, facts))) == first
 
 
 @pytest.mark.parametrize(

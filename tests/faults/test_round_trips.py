@@ -23,6 +23,7 @@ from fedora_qa.faults.flow import FlowIntervalShift
 from fedora_qa.faults.gravity import ForceSign, GravityAlongBody, GravityError, SensorsInWorld
 from fedora_qa.faults.images import (
     ChannelOrder,
+    DecodedTwice,
     ExposureGain,
     InvalidCode,
     PowerCurve,
@@ -202,6 +203,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(ChannelOrder, st.permutations("RGB").map("".join)), exact),
     (st.builds(ExposureGain, st.floats(-50, 0), ranges), Codes(2 * 0.5 + 0.5)),
     (st.builds(PowerCurve, st.floats(0.5, 1.0)), Codes(2 * 0.5 + 0.5)),
+    (st.builds(DecodedTwice, st.just("gamma2.2")), Codes(16.0)),
     (st.builds(TransferMisdeclared, st.just("linear"), st.sampled_from(["srgb", "gamma2.2"])), exact),
     (st.builds(Vignetting, st.floats(0, 50)), Codes(2 * 0.5 + 0.5)),
     (st.builds(RayLength, st.sampled_from([-1.0, 1.0, 2.0]), ranges), rounded),
