@@ -31,7 +31,7 @@ from fedora_qa.diagnosis.conclusion import (
 )
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
-from fedora_qa.diagnosis.measured_sizes import Results, is_nearer_to_other_order
+from fedora_qa.diagnosis.measured_sizes import Results, has_lines_of_frames, is_nearer_to_other_order
 from fedora_qa.diagnosis.vetoes import (
     COMPARED_BY_FLOW,
     ClockPlace,
@@ -55,6 +55,8 @@ _OF_LAYOUT: Final = "integrity.layout."
 
 _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
+
+_OF_CONSERVATION: Final = "event_response.conservation"
 
 _IN_ONE_DIRECTION: Final = frozenset({"spatial_offset", "intrinsics_centre", "time_offset", "clock_rate"})
 """Causes that move edges in one direction: where the image moves evenly, one undoes what another did."""
@@ -97,6 +99,14 @@ def rank_candidates(
         ]
         for finding, proposed in hypotheses.items()
     }
+    if has_lines_of_frames(results):
+        # Too few of all events for a finding of its own: those of a while.
+        interpolated = Hypothesis(
+            "interpolated_frames", "events", support("event_response.lines_of_frames_for_a_while")
+        )
+        for finding, alarm in by_finding.items():
+            if check_of_code(alarm.finding.code) == _OF_CONSERVATION:
+                large_enough[finding] = [*large_enough.get(finding, ()), interpolated]
     candidates = [
         candidate
         for candidate in gather_candidates(large_enough, _weights(alarms))

@@ -66,6 +66,18 @@ def is_nearer_to_other_order(results: Results) -> bool:
     )
 
 
+def has_lines_of_frames(results: Results) -> bool:
+    """Whether changes of a pixel lie on lines between frames more often than in any correct file, material or not.
+
+    Parameters
+    ----------
+    results
+        Of the file, by check, judged by the limits alone.
+    """
+    lines = measured(results.get("event_response.interpolation"), "lines_between_renders")
+    return lines is not None and lines.value is not None and lines.exceeds_limit
+
+
 def length_with_error(components: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:
     """Return the length of a vector, with the sign of its largest component, and its standard error.
 

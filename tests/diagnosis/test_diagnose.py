@@ -323,6 +323,16 @@ def test_colours_nearer_to_another_order_are_tried_first(towards: float, error: 
     assert rank_of([contradiction], results)[0].cause == first
 
 
+@pytest.mark.parametrize(("lines", "first"), [(0.12, "interpolated_frames"), (0.02, "dropped_samples")])
+def test_lines_between_frames_of_a_while_explain_what_contradicts_the_law(lines: float, first: str) -> None:
+    """They exceed the limit of a correct file, and are too few to matter in the whole."""
+    explained = [alarm(1, Hypothesis("dropped_samples", "events", 0.5), code="event_response.conservation.pixels")]
+    measurement = Measurement("lines_between_renders", lines, "1", 0.005, 0.0, 0.03, 0.05, side="upper")
+    check = "event_response.interpolation"
+    ranked = rank_of(explained, {check: Result(check, "passed", "?", measurements=(measurement,))})
+    assert ranked[0].cause == first
+
+
 def test_a_clock_out_of_place_is_the_odd_stream() -> None:
     """Of two clocks whose offset clears alike, that which leaves the grid of all others is late."""
     events, rgb = LATE, Hypothesis("time_offset", "rgb", 0.4, -2.0, "ms", 0.1)
