@@ -144,7 +144,7 @@ def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     clock = facts.clocks.get(stream)
     steps = () if clock is None else clock_steps(clock.times_ns, resolution_ns=NS_PER_US)
     if len(steps) == 1:
-        # A clock that was set by whole periods leaves the gap of lost samples. Findings of other checks tell them apart.
+        # A clock that was set by whole periods leaves the gap of lost samples. Other checks distinguish them.
         set_ms = steps[0].offset_ns / NS_PER_MS
         return lost, Hypothesis("time_offset", stream, support("clocks.gap_of_step"), set_ms, "ms")
     return (lost,)

@@ -23,6 +23,7 @@ from fedora_qa.faults.fault import Matrix3, signed_length
 from fedora_qa.faults.intrinsics import (
     FilmFocalLength,
     FocalLength,
+    IntrinsicsOfAnotherImage,
     IntrinsicsOfSize,
     IntrinsicsOfSizes,
     PrincipalPointFromMiddle,
@@ -70,6 +71,9 @@ _OPPOSITE_PERCENT: Final = -200.0
 """Excess of a focal length that has the opposite sign."""
 
 _ROUND_DEG: Final = 0.5
+_FEWEST_OTHERS: Final = 2
+"""Cameras that must be alike for another one to be odd: of two that differ either may be."""
+
 _SAME: Final = 1e-7
 """Relative tolerance of round numbers: declared numbers are float64, and numbers with few digits rarely occur by
 chance."""
@@ -350,6 +354,30 @@ def odd_centres(facts: Facts) -> tuple[PrincipalPointShift, ...]:
         if np.isfinite([right_px, down_px]).all() and not is_transposed(camera.K):
             shifts.append(PrincipalPointShift("metadata", right_px, down_px, odd[0]))
     return tuple(shifts)
+
+
+def odd_intrinsics(facts: Facts) -> tuple[IntrinsicsOfAnotherImage, ...]:
+    """Return the one camera whose view and principal point are not those of the others, with what makes them so.
+
+    Cameras that were designed together have one view, and principal points by one convention. Of three or more, one
+    that has neither, of numbers that nobody chose, has K of other images: those before they were rectified, or of
+    another camera.
+    """
+    cameras = facts.declared.cameras
+    for shift in odd_centres(facts):
+        others = [camera for name, camera in cameras.items() if name != shift.camera]
+        if (
+            shift.camera is None
+            or len(others) < _FEWEST_OTHERS
+            or not all(is_chosen(camera, "intrinsics_centre") for camera in others)
+        ):
+            continue
+        camera = cameras[shift.camera]
+        ratios = [float(camera.K[0, 0] / other.K[0, 0] * other.width / camera.width) for other in others]
+        is_one_view = all(abs(ratio / ratios[0] - 1) < _SAME_VIEW for ratio in ratios)
+        if is_one_view and abs(ratios[0] - 1) > _SAME_VIEW and not is_chosen(camera, "intrinsics_focal"):
+            return (IntrinsicsOfAnotherImage(shift.camera, 100 * (ratios[0] - 1), shift.columns_px, shift.rows_px),)
+    return ()
 
 
 def hypotheses_of_centres(facts: Facts) -> tuple[Hypothesis, ...]:

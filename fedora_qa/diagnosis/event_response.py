@@ -19,7 +19,7 @@ from fedora_qa.checks.event_response.orientation import EventSymmetry
 from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, DelayedSegment, OffsetSize
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
-from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
+from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres, odd_intrinsics
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.diagnosis.measured_sizes import length_with_error, rgb_px_per_event_px
 from fedora_qa.diagnosis.vetoes import places_of_clocks
@@ -66,6 +66,7 @@ def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
                 Hypothesis("time_offset", "events", support("event_response.orientation.events_offset")),
                 Hypothesis("time_offset", "rgb", support("event_response.orientation.frames_offset")),
                 Hypothesis("time_unit", "events", support("event_response.orientation.time_unit")),
+                *(hypotheses_of_centres(facts) if odd_intrinsics(facts) else ()),
             )
     (symmetry,) = (feature for feature in alarm.statistic.features if isinstance(feature, EventSymmetry))
     return hypotheses_of_symmetry(symmetry)
@@ -144,9 +145,8 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     if rule == "stretch":
         part = next((feature for feature in statistic.features if isinstance(feature, DelayedSegment)), None)
         # The part that is compared with the rest may be the one that is right.
-        size_ms, error_ms = (
-            (statistic.value, statistic.standard_error) if part is None else (part.offset_ms, part.error_ms)
-        )
+        size_ms = statistic.value if part is None else part.offset_ms
+        error_ms = statistic.standard_error if part is None else part.error_ms
         return (
             *_offsets(size_ms, error_ms, facts, courses.segment),
             Hypothesis("clock_rate", "events", _EVENTS * courses.drift),

@@ -13,6 +13,7 @@ from fedora_qa.diagnosis.declared_cameras import (
     film_focal_lengths,
     mounting_units,
     odd_centres,
+    odd_intrinsics,
     odd_mounting,
     opposite_focal_lengths,
     other_views,
@@ -21,7 +22,13 @@ from fedora_qa.diagnosis.declared_cameras import (
 )
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.measured_sizes import flow_vector
-from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ROTATION_MODELS, ShiftFieldFit, ShiftFieldModel
+from fedora_qa.estimators.events.shift_field import (
+    FOCAL_MODELS,
+    ROTATION_MODELS,
+    SHIFT_AND_FOCAL_MODELS,
+    ShiftFieldFit,
+    ShiftFieldModel,
+)
 from fedora_qa.faults import intrinsics, mountings
 from fedora_qa.faults.fault import Vector3
 from fedora_qa.views.flow_comparison import FlowParameterFit
@@ -30,6 +37,11 @@ from fedora_qa.views.flow_conventions import ConventionTrial
 _SATURATES: Final = 1.5
 """Least ratio of a fitted size to the length of a measured vector for the vector not to be a measurement of it: a shift
 of 1 px may be fitted as 1.5 px. The value is not derived."""
+
+
+_MOSTLY: Final = 0.5
+"""Least share of what one shift of an image leaves that a focal length explains, for both to be tried together. The
+value is not derived; a trial more costs little."""
 
 
 def _suspected_cameras(fit: FittedCause) -> Sequence[str | None]:
@@ -79,7 +91,13 @@ def principal_point(fit: FittedCause) -> Faults:
         if (by_transposing := transposed(fit.facts)).from_centre_px:
             yield by_transposing
         yield from centres_from_middle(fit.facts)
+        yield from odd_intrinsics(fit.facts)
         yield from odd_centres(fit.facts)
+    for best in _camera_errors(fit, SHIFT_AND_FOCAL_MODELS):
+        if best.beyond_shift > _MOSTLY:
+            right_px, down_px, gain = best.parameters
+            # Events lie at f X + c, and where f' X + c' are declared: k = f / f' - 1, and the shift is c - c'.
+            yield intrinsics.IntrinsicsOfAnotherImage("events", 100 * (1 / (1 + gain) - 1), -right_px, -down_px)
     u, v = fitted_vector(fit) or flow_vector("centre", ("u", "v"), fit.stream, fit.results)
     along_axes = ((fit.size, 0.0), (0.0, fit.size))
     for camera in _suspected_cameras(fit):

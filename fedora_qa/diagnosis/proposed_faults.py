@@ -180,9 +180,9 @@ def _parts_of_depth(fit: FittedCause) -> list[RowRange]:
 
 def _displaced_frames(fit: FittedCause) -> list[RowRange]:
     """Return the colour frames that follow each other in the place of others."""
-    found = (feature.displaced for alarm in fit.alarms for feature in alarm.statistic.features
+    runs = (feature.displaced for alarm in fit.alarms for feature in alarm.statistic.features
              if isinstance(feature, OutOfOrderIntervals))  # fmt: skip
-    return list(dict.fromkeys((each.first, each.stop) for each in found if each is not None))
+    return list(dict.fromkeys((each.first, each.stop) for each in runs if each is not None))
 
 
 def _delayed_frames(fit: FittedCause) -> Faults:

@@ -249,6 +249,53 @@ class IntrinsicsOfSizes:
 
 
 @dataclass(frozen=True, slots=True)
+class IntrinsicsOfAnotherImage:
+    """K of a camera is that of other images of it, as of those before they were rectified.
+
+    Attributes
+    ----------
+    camera
+        The declared camera.
+    percent
+        Excess of the focal length.
+    columns_px, rows_px
+        By how much the principal point is too far to the right and down.
+    """
+
+    camera: str
+    percent: float
+    columns_px: float
+    rows_px: float
+    cause: ClassVar[str] = "intrinsics_centre"
+    stream: ClassVar[str] = "metadata"
+
+    @property
+    def magnitude(self) -> float:
+        """Displacement of the principal point, px."""
+        return signed_length((self.columns_px, self.rows_px))
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare K of the other images."""
+        shift, gains = self._parts
+        return declared(facts, f"K of {self.camera} is that of other images",
+                        lambda camera: replace(camera, K=camera.K * gains + shift), self.camera)  # fmt: skip
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Declare K of the images of the file."""
+        shift, gains = self._parts
+        by = f"focal length divided by {1 + self.percent / 100:.6g}, principal point back by {self.magnitude:.3g} px"
+        return declared(facts, f"K of {self.camera}: {by}",
+                        lambda camera: replace(camera, K=(camera.K - shift) / gains), self.camera)  # fmt: skip
+
+    @property
+    def _parts(self) -> tuple[Float64, Float64]:
+        shift, gains = np.zeros((3, 3)), np.ones((3, 3))
+        shift[:2, 2] = self.columns_px, self.rows_px
+        gains[:2, :2] = 1 + self.percent / 100
+        return shift, gains
+
+
+@dataclass(frozen=True, slots=True)
 class PrincipalPointFromMiddle:
     """Principal points are counted from the middle of the image, not from its first pixel: about 0, 0.
 

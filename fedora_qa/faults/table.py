@@ -95,6 +95,7 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         ("intrinsics_centre", "metadata"): (
             intrinsics.PrincipalPointShift,
             intrinsics.PrincipalPointFromMiddle,
+            intrinsics.IntrinsicsOfAnotherImage,
             intrinsics.TransposedIntrinsics,
         ),
         ("intrinsics_centre", "flow"): (intrinsics.PrincipalPointShift,),

@@ -86,6 +86,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         mountings.MountingLeverArm: _MECHANICAL,
         mountings.MountingUnit: _MECHANICAL,
         intrinsics.TransposedIntrinsics: _MECHANICAL,
+        intrinsics.IntrinsicsOfAnotherImage: _MECHANICAL,
         intrinsics.PrincipalPointFromMiddle: _MECHANICAL,
         intrinsics.IntrinsicsOfSizes: "That both sizes have the same view is an assumption; calibrate the cameras.",
         intrinsics.IntrinsicsOfSize: "That both sizes have the same view is an assumption; calibrate the camera.",

@@ -20,7 +20,7 @@ from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.clocks import ClockRate, ClockShift
 from fedora_qa.faults.fault import is_of_part
 from fedora_qa.faults.images import DecodedTwice, PowerCurve, RayLength
-from fedora_qa.faults.intrinsics import FocalLength, PrincipalPointShift
+from fedora_qa.faults.intrinsics import FocalLength, IntrinsicsOfAnotherImage, PrincipalPointShift
 from fedora_qa.faults.motion import AngleSense, QuaternionOrder
 from fedora_qa.faults.mountings import MountingLeverArm, MountingRotation
 from fedora_qa.faults.pixels import PixelShift
@@ -300,6 +300,25 @@ def test_a_principal_point_by_another_convention_or_by_none_is_moved_back(offset
     assert first.camera == "events"
     assert (first.columns_px, first.rows_px) == pytest.approx((offset_px, offset_px))
     assert [each.magnitude for each in hypotheses_of_centres(facts)] == pytest.approx([first.magnitude])
+
+
+def test_the_view_and_the_centre_of_the_others_are_tried_together() -> None:
+    """K of one camera that has neither is that of other images; one that has the view has its centre moved alone."""
+    facts = with_camera(facts_of(memory_sequence()), "events", from_middle_px=0.3)
+    declared = facts.declared
+    cameras = dict(declared.cameras)
+    tangent = cameras["rgb"].width / cameras["rgb"].K[0, 0]
+    for name, camera in cameras.items():
+        view = 1.07 if name == "events" else 1.0
+        K = camera.K * np.array([[0.0, 0, 1], [0, 0, 1], [0, 0, 1]])
+        K += np.diag([camera.width / tangent * view, camera.width / tangent * view, 0.0])
+        cameras[name] = replace(camera, K=K)
+    apart = replace(facts, declared=replace(declared, cameras=cameras))
+    first = next(faults_for("intrinsics_centre", "metadata", 0.3, (), {}, apart))
+    assert isinstance(first, IntrinsicsOfAnotherImage)
+    assert (first.camera, first.percent) == ("events", pytest.approx(7.0))
+    assert (first.columns_px, first.rows_px) == pytest.approx((0.3, 0.3))
+    assert isinstance(next(faults_for("intrinsics_centre", "metadata", 0.3, (), {}, facts)), PrincipalPointShift)
 
 
 def test_one_convention_of_all_cameras_is_undone_in_all() -> None:

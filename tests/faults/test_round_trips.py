@@ -35,6 +35,7 @@ from fedora_qa.faults.index_maps import IndexShift, IndexSide
 from fedora_qa.faults.intrinsics import (
     FilmFocalLength,
     FocalLength,
+    IntrinsicsOfAnotherImage,
     IntrinsicsOfSize,
     IntrinsicsOfSizes,
     PrincipalPointFromMiddle,
@@ -177,6 +178,7 @@ CASES: list[tuple[Any, Tolerance]] = [
         st.builds(IntrinsicsOfSize, st.just("rgb"), st.integers(20, 900), st.integers(20, 900), st.just(9.0)),
     )), rounded),
     (st.builds(PrincipalPointFromMiddle, st.just(("rgb", "events"))), rounded),
+    (st.builds(IntrinsicsOfAnotherImage, st.just("events"), st.floats(-20, 20), unit, unit), rounded),
     (st.builds(PoseLeverArm, vectors), rounded),
     (st.builds(QuaternionOrder, st.permutations(range(4)).map(tuple), st.booleans()), exact),
     (st.just(QuaternionInversion()), exact),

@@ -17,7 +17,7 @@ from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.gravity import ForceSign, GravityAlongBody
 from fedora_qa.faults.images import TransferMisdeclared
 from fedora_qa.faults.index_maps import IndexSide
-from fedora_qa.faults.intrinsics import PrincipalPointFromMiddle, TransposedIntrinsics
+from fedora_qa.faults.intrinsics import IntrinsicsOfAnotherImage, PrincipalPointFromMiddle, TransposedIntrinsics
 from fedora_qa.faults.motion import AngleOrder, AngleSense, PoseInversion
 from fedora_qa.faults.mountings import InvertedMounting, MountingUnit
 from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
@@ -108,7 +108,7 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     # Tests of their own: below, and in ``test_repair``.
     beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared, PoseInversion, MountingUnit,
               AngleOrder, AngleSense, ForceSign, GravityAlongBody,
-              TransposedIntrinsics, PrincipalPointFromMiddle, InvertedMounting}  # fmt: skip
+              TransposedIntrinsics, PrincipalPointFromMiddle, IntrinsicsOfAnotherImage, InvertedMounting}  # fmt: skip
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
     assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside
 

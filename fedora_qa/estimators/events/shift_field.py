@@ -30,6 +30,8 @@ ShiftFieldModel = Literal["shift", "focal", "focal_by_axis", "shift_and_focal", 
 FOCAL_MODELS: Final[tuple[ShiftFieldModel, ...]] = ("focal", "focal_by_axis", "shift_and_focal")
 """Models of another focal length, the simplest first."""
 
+SHIFT_AND_FOCAL_MODELS: Final[tuple[ShiftFieldModel, ...]] = ("shift_and_focal",)
+
 ROTATION_MODELS: Final[tuple[ShiftFieldModel, ...]] = ("rotation",)
 
 FEWEST_TILES: Final = 6
