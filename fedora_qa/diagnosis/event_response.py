@@ -142,11 +142,11 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         return offset, wrong_model
     compared = next((feature for feature in statistic.features if isinstance(feature, DelayCourses)), None)
     courses = _NO_COURSES if compared is None else with_clock_reset(compared, clock_reset(facts.events))
+    part = next((feature for feature in statistic.features if isinstance(feature, DelayedSegment)), None)
     if rule == "stretch":
-        part = next((feature for feature in statistic.features if isinstance(feature, DelayedSegment)), None)
         # The part that is compared with the rest may be the one that is right.
         size_ms = statistic.value if part is None else part.offset_ms
-        error_ms = statistic.standard_error if part is None else part.error_ms
+        error_ms: float | None = statistic.standard_error if part is None else part.error_ms
         return (
             *_offsets(size_ms, error_ms, facts, courses.segment),
             Hypothesis("clock_rate", "events", _EVENTS * courses.drift),
@@ -163,10 +163,12 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         )
     size = only_feature(statistic.features, OffsetSize)
     # The mean offset of a file is that of the fault only where all events have the offset.
-    sized = size.of_all_pixels and courses.constant > courses.segment
-    error_ms = size.error_ms if sized else None
+    of_file = courses.constant > courses.segment
+    offset_ms = statistic.value - statistic.expected if of_file or part is None else part.offset_ms
+    error_ms = size.error_ms if of_file or part is None else part.error_ms
+    is_sized = size.of_all_pixels and (of_file or part is not None)
     return (
-        *_offsets(statistic.value - statistic.expected, error_ms, facts, courses.constant + courses.segment),
+        *_offsets(offset_ms, error_ms if is_sized else None, facts, courses.constant + courses.segment),
         *_rates(estimate, courses.drift),
         *_of_rounded_frames(statistic.value - statistic.expected, facts, "delays_of_rounded_frames"),
         *_of_rounded_events(statistic.value - statistic.expected, facts),

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from fedora_qa.checks.event_response.alignment import CameraErrorFits, EventShift
 from fedora_qa.checks.event_response.frames import ChangeAnomalies
@@ -39,11 +40,49 @@ def test_mirrored_frames_are_hypotheses_beside_mirrored_events() -> None:
         assert (("mirrored", "events") in causes) == ("mirrored" in words)
 
 
+def spans_ns(count: int) -> NDArray[np.int64]:
+    """Windows of 200 ms."""
+    starts_ns = 200 * MS * np.arange(count, dtype=np.int64)
+    return np.stack([starts_ns, starts_ns + 200 * MS], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("delays_ms", "chosen", "begin_ms", "end_ms"),
+    [
+        pytest.param([0, 0, 0, 5, 5], [1, 1, 1, 0, 0], 600, None, id="the rest is late"),
+        pytest.param([0, 0, 0, 5, 5], [0, 0, 0, 1, 1], 600, None, id="the part is late"),
+        pytest.param([0, 0, 2, 8, 8], [1, 1, 1, 0, 0], 550, None, id="from within a window"),
+        pytest.param([-6, -6, -3, 0, 0], [1, 1, 0, 0, 0], None, 500, id="until within a window"),
+        pytest.param([0, 4, 4, 0, 0], [0, 1, 1, 0, 0], 200, 600, id="for a while"),
+    ],
+)
+def test_a_step_of_the_clock_is_a_segment(
+    delays_ms: list[int], chosen: list[int], begin_ms: int | None, end_ms: int | None
+) -> None:
+    """Events that are late from an instant on are no drift, whichever side of the step differs from the other."""
+    delays_s = 1e-3 * np.array(delays_ms, dtype=float)
+    local = LocalOffset(DelayStep(np.array(chosen, bool), 5e-3, 2e-4, 10), delays_s, np.full(5, 2e-4))
+    courses, segment = delay_courses(local, spans_ns(5), 0.0)
+    assert segment is not None
+    assert courses.segment > 0.99
+    assert segment.offset_ms == pytest.approx(max(delays_ms, key=abs))
+    assert (segment.begin_ns, segment.end_ns) == tuple(
+        None if ms is None else pytest.approx(ms * MS) for ms in (begin_ms, end_ms)
+    )
+
+
+def test_a_drift_is_no_segment() -> None:
+    delays_s = 1e-3 * np.array([0.8, 2.4, 4.0, 5.6, 7.2])
+    local = LocalOffset(DelayStep(np.arange(5) > 2, 4e-3, 2e-4, 10), delays_s, np.full(5, 2e-4))
+    courses, _ = delay_courses(local, spans_ns(5), 0.0)
+    assert courses.drift > 0.99
+
+
 def segment_only(chosen: list[bool]) -> DelayCourses:
     """Windows whose delays are, for certain, those of a segment."""
     count = len(chosen)
     local = LocalOffset(DelayStep(np.array(chosen), 7e-3, 1e-4, 10), np.zeros(count), np.full(count, 1e-4))
-    courses = delay_courses(local, np.linspace(0.1, 0.7, count), 0.0)
+    courses, _ = delay_courses(local, spans_ns(count), 0.0)
     return replace(courses, constant=0.0, drift=0.0, segment=1.0)
 
 

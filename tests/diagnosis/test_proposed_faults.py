@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.causes import CAUSES, stream_family
+from fedora_qa.checks.event_response.timing import DelayedSegment
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.order import DisplacedFrames, OutOfOrderIntervals
 from fedora_qa.checks.protocol import Statistic
@@ -375,6 +376,40 @@ def test_an_offset_of_a_part_of_a_clock_is_undone_there_first(stream: str) -> No
     local, whole = faults_for("time_offset", stream, 0.05, (), {}, moved)
     assert (local, whole) == (ClockShift(stream, 70_000.0, (first, stop)), ClockShift(stream, 50_000.0))
     assert list(faults_for("time_offset", stream, 0.05, (), {}, facts)) == [whole]
+
+
+@pytest.mark.parametrize("periods", [-0.4, 0.3, 3])
+def test_a_step_of_a_clock_is_undone_on_either_side(periods: float) -> None:
+    """Whole periods are a gap of lost samples, unless the IMU contradicts the poses; all else is no gap."""
+    facts = facts_of(memory_sequence())
+    clock = facts.clocks["imu"]
+    step_ns, row = round(periods * int(np.median(np.diff(clock.times_ns)))), len(clock.times_ns) // 3
+    times_ns = clock.times_ns + step_ns * (np.arange(len(clock.times_ns)) >= row)
+    moved = replace(facts, clocks={**facts.clocks, "imu": replace(clock, times_ns=times_ns)})
+    whole = ClockShift("imu", 2.0 * NS_PER_MS)
+    steps = [ClockShift("imu", step_ns, (row, None)), ClockShift("imu", -step_ns, (0, row))]
+    gap, contradiction = alarm("clocks.gaps.missing"), alarm("imu.timing.time_offset")
+    assert list(faults_for("time_offset", "imu", 2.0, (gap, contradiction), {}, moved)) == [*steps, whole]
+    tried = list(faults_for("time_offset", "imu", 2.0, (gap,), {}, moved))
+    assert not set(steps) & set(tried)
+    assert whole in tried
+
+
+def test_a_silence_is_a_step_of_the_clock_where_events_are_late() -> None:
+    """Behind the silence events are late, or before it early. Without a delay they were lost."""
+    facts = facts_of(memory_sequence())
+    silence = alarm("event_stream.gaps.silence")
+    place = Where("events", facts.to_file_us(30_000_000), facts.to_file_us(36_000_000))
+    silence = replace(
+        silence, finding=replace(silence.finding, where=place), statistic=replace(silence.statistic, value=6.0)
+    )
+    late = ClockShift("events", 6_000_000, while_ns=(30_000_000, None))
+    early = ClockShift("events", -6_000_000, while_ns=(None, 36_000_001))
+    delay = alarm("event_response.timing.offset", DelayedSegment(5.8, 0.2, 28_000_000, None))
+    by_delay = ClockShift("events", 5.8 * NS_PER_MS, while_ns=(28_000_000, None))
+    whole = ClockShift("events", 6.0 * NS_PER_MS)
+    assert list(faults_for("time_offset", "events", 6.0, (silence, delay), {}, facts)) == [late, early, by_delay, whole]
+    assert list(faults_for("time_offset", "events", 6.0, (silence,), {}, facts)) == [whole]
 
 
 @pytest.mark.parametrize("stream", ["rgb", "depth"])

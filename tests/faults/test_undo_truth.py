@@ -223,6 +223,8 @@ EXACT: list[Truth] = [
     (ClockShift("pose", 5 * MS, rows=(9, None)), on(from_row(5 * MS, 9), "path/pose/ts")),
     (ClockShift("events", 7 * MS), with_maps(on(lambda t: t + 7 * MS, T))),
     (ClockShift("events", 7 * MS), on(lambda t: t + 7 * MS, T)),
+    (ClockShift("events", 7 * MS, while_ns=(40 * MS, None)), with_maps(on(lambda t: t + 7 * MS * (t >= 40 * MS), T))),
+    (ClockShift("events", -5 * MS, while_ns=(None, 30 * MS)), with_maps(on(lambda t: t - 5 * MS * (t < 30 * MS), T))),
     (ClockShift("rgb", -4 * MS), with_maps(on(lambda t: t - 4 * MS, "path/rgb_ts"))),
     (ClockRate("imu", 1000, pivot_ns=0), on(lambda t: t + t // 1000, "path/imu/ts")),
     (ClockRate("imu", 1000, pivot_ns=20 * MS, duration_ns=50 * MS),

@@ -101,7 +101,7 @@ class _SegmentFit:
     inside
         (k,) windows in which the delay holds.
     edge
-        Window of (k,) in which it begins or ends, and whose own delay lies between; None for a segment of whole windows.
+        Window of (k,) in which it begins or ends, with a delay between; None for a segment of whole windows.
     offset_s, error_s
         The delay, and its standard error.
     """

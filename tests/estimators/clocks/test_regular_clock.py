@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.clocks.regular_clock import (
+    ClockStep,
+    clock_steps,
     displaced_part,
     fit_regular_clock,
     has_odd_grid_above_period,
@@ -100,6 +102,28 @@ def test_a_part_that_lasts_to_the_end_is_found(first: int) -> None:
     found = displaced_part(times_us * US, resolution_ns=US)
     assert found is not None
     assert (found.first, found.last, found.offset_ns) == (first, 399, 70 * US)
+
+
+@given(
+    st.integers(-(PERIOD_US - 1), 10 * PERIOD_US).filter(lambda us: abs(us) > 3), st.integers(1, 399),
+    st.integers(-(10**15), 10**15),
+)  # fmt: skip
+def test_a_step_is_exact_also_beyond_a_period(late_us: int, row: int, start_us: int) -> None:
+    """Unlike the displaced part, which is known up to whole periods."""
+    times_us = start_us + timestamps_us()
+    assert not clock_steps(times_us * US, resolution_ns=US)
+    times_us[row:] += late_us
+    assert clock_steps(times_us * US, resolution_ns=US) == (ClockStep(row, late_us * US),)
+
+
+def test_a_clock_that_was_set_back_has_two_steps() -> None:
+    """More than two are losses here and there, or no exact clock."""
+    times_us = timestamps_us()
+    times_us[100:200] += 12_000
+    steps = clock_steps(times_us * US, resolution_ns=US)
+    assert steps == (ClockStep(100, 12_000 * US), ClockStep(200, -12_000 * US))
+    times_us[300:] += 5000
+    assert not clock_steps(times_us * US, resolution_ns=US)
 
 
 @pytest.mark.parametrize(("count", "is_exact"), [(150, True), (300, False)])
