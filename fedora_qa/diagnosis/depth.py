@@ -33,6 +33,9 @@ from fedora_qa.views.depth_conventions import Extent, PairTrials, Transform
 Size = Callable[[float], float | None]
 """The parameter of a transform -> the size of the fault in the unit of its cause; None where it has no size."""
 
+_BESIDE: Final = 2.0
+"""Largest ratio of a depth beside the range to its end, as in ``integrity.finite``."""
+
 _MISFIT_CAUSES: Final = {
     "depth": (
         "unit_mm_m", "depth_ray_not_z", "mirrored", "spatial_offset", "frozen_frames", "swapped_frames", "time_offset",
@@ -109,8 +112,14 @@ def propose_range(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         nearest_m, farthest_m = extent.nearest_m / factor, extent.farthest_m / factor
         if low_m <= nearest_m * (1 + RANGE_ROUNDING) and farthest_m * (1 - RANGE_ROUNDING) <= high_m:
             return (Hypothesis("unit_mm_m", "depth", support("depth.unit_that_fits_range"), factor, "1"),)
+    # Codes lie far from depths.
+    is_beside = extent.nearest_m >= low_m / _BESIDE and extent.farthest_m <= _BESIDE * high_m
     return (
-        Hypothesis("invalid_encoding", "depth", support("depth.codes_beyond_range")),
+        Hypothesis(
+            "invalid_encoding",
+            "depth",
+            support("depth.codes_beside_range" if is_beside else "depth.codes_beyond_range"),
+        ),
         Hypothesis("depth_ray_not_z", "depth", support("depth.rays_beyond_range")),
         Hypothesis("unit_mm_m", "depth", support("depth.unit_beyond_range")),
     )

@@ -73,8 +73,9 @@ def _of_values(statistic: Statistic) -> tuple[Hypothesis, ...]:
     # Of two units: the one that multiplying by 1000 undoes explains the values where most of them fall into the range.
     is_in_metres = 2 * values.in_range_times_1000 > values.outside
     factor = to_metres if is_in_metres else None
+    of_code = support("integrity.depth_beside_range" if values.continue_range else "integrity.depth_by_code")
     return (
-        Hypothesis("invalid_encoding", "depth", support("integrity.depth_by_code")),
+        Hypothesis("invalid_encoding", "depth", of_code),
         Hypothesis("unit_mm_m", "depth", support("integrity.depth_by_unit"), factor, "1" if is_in_metres else ""),
     )
 

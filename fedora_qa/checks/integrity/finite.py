@@ -25,6 +25,9 @@ _FULL: Final = 0.5
 it, and return, within an interval of frames."""
 
 
+_BESIDE: Final = 2.0
+"""Largest ratio of a depth beside the range to its end: a larger scale is another unit. The value is not derived."""
+
 FALSE_ALARMS: Final = 1e-6
 """Probability that a correct file exceeds the bound of displacements: a hundredth of the default false-alarm rate of a
 file."""
@@ -47,6 +50,9 @@ class OutOfRange(Feature):
     rescaled_rows
         First row, and the one behind the last, of the images of which most values lie in the range only after
         multiplication by 1000; None where there is no such image, or where others lie between.
+    continue_range
+        Whether the values differ and lie beside an end of the range, within a factor of two: as depths do that are
+        too large or too small, and codes do not.
     """
 
     finite: int
@@ -54,6 +60,7 @@ class OutOfRange(Feature):
     in_range_times_1000: int
     constant: bool
     rescaled_rows: tuple[int, int] | None = None
+    continue_range: bool = False
 
 
 class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
@@ -289,7 +296,10 @@ def _statistics(total: DatasetCounts, facts: Facts) -> Iterator[Statistic]:
         )
         finite = total.values - total.nan - total.infinite
         is_constant, run = total.low == total.high, run_of(total.rescaled_rows)
-        features = (OutOfRange(finite, total.outside, total.rescaled, is_constant, run),)
+        beside = range_m is not None and (
+            range_m[0] / _BESIDE <= total.low / MM_PER_M and total.high / MM_PER_M <= _BESIDE * range_m[1]
+        )
+        features = (OutOfRange(finite, total.outside, total.rescaled, is_constant, run, beside and not is_constant),)
     else:
         text = (
             f"{total.outside} of {total.values} pixels of {stream} are displaced by {total.low:.3g} to "
