@@ -92,6 +92,8 @@ _BREAKS_THE_LAW: Final = (
     *((cause, "rgb")
       for cause in ("swapped_frames", "frozen_frames", "exposure_or_gamma", "channel_order", "time_offset",
                     "clock_rate", "mirrored", "other_sequence", "spatial_offset")),
+    # Of a camera that is turned the pixels see something else.
+    ("extrinsic_rotation", "metadata"),
 )  # fmt: skip
 """Every fault of events or frames violates the law of conservation."""
 

@@ -447,6 +447,10 @@ def _template_hypotheses(
                 # Frames of a camera that is declared with too short a focal length show larger displacements.
                 of_frames = support("flow_photometric.focal_length_of_frames") * share
                 hypotheses.append(Hypothesis(cause, "metadata", of_frames, size, unit))
+            if name == "mounting":
+                # Frames of a camera that is turned the other way against its declared mounting deviate alike.
+                of_frames = support("flow_photometric.mounting_of_frames") * share
+                hypotheses.append(Hypothesis(cause, "metadata", of_frames, -size, unit))
     return hypotheses
 
 

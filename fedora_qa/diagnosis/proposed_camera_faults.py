@@ -34,6 +34,10 @@ from fedora_qa.faults.fault import Vector3
 from fedora_qa.views.flow_comparison import FlowParameterFit
 from fedora_qa.views.flow_conventions import ConventionTrial
 
+_ABOUT_ONE_AXIS: Final = 1.25
+"""Largest ratio of a rotation to its largest component for the others to be taken for errors. The value is not derived;
+a trial more costs little."""
+
 _SATURATES: Final = 1.5
 """Least ratio of a fitted size to the length of a measured vector for the vector not to be a measurement of it: a shift
 of 1 px may be fitted as 1.5 px. The value is not derived."""
@@ -118,11 +122,28 @@ def mounting(fit: FittedCause) -> Faults:
         for camera in _suspected_cameras(fit):
             yield mountings.MountingRotation(fit.stream, turned, camera)
     names = ("pitch", "yaw", "roll")
+    if fit.stream == "metadata":
+        yield from _turned_frames(flow_vector("mounting", names, "flow", fit.results), fit.size)
     pitch, yaw, roll = fitted_vector(fit) or flow_vector("mounting", names, fit.stream, fit.results)
     about_axes = ((fit.size, 0.0, 0.0), (0.0, fit.size, 0.0), (0.0, 0.0, fit.size))
     for camera in _suspected_cameras(fit):
         for rotation_deg in ((pitch, yaw, roll),) if _has_that_size((pitch, yaw, roll), fit.size) else about_axes:
             yield mountings.MountingRotation(fit.stream, rotation_deg, camera)
+
+
+def _turned_frames(of_flow_deg: Sequence[float], size_deg: float) -> Faults:
+    """Yield the rotations of the colour camera that deviate from its frames as a turned camera of flow would.
+
+    About the axis of the largest component first where the others are small, since these are mostly errors.
+    """
+    x_deg, y_deg, z_deg = of_flow_deg
+    if not _has_that_size(of_flow_deg, size_deg) or not any(of_flow_deg):
+        return
+    largest = max(of_flow_deg, key=abs)
+    if hypot(*of_flow_deg) < _ABOUT_ONE_AXIS * abs(largest):
+        x, y, z = (angle if angle == largest else 0.0 for angle in of_flow_deg)
+        yield mountings.MountingRotation("metadata", (x, y, z), "rgb")
+    yield mountings.MountingRotation("metadata", (x_deg, y_deg, z_deg), "rgb")
 
 
 def mounting_lever_arm(fit: FittedCause) -> Faults:

@@ -76,6 +76,9 @@ _OF_FLOW: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """Components of the size of a fault of flow that the frames measure for each rate, in the unit of the cause."""
 
+_OF_CAMERA: Final = frozenset({"intrinsics_focal", "intrinsics_centre", "extrinsic_rotation"})
+"""Faults of the camera with which flow was made: where depth and poses give the same flow, it is the declared one."""
+
 _IN_ORDER: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
     {
         ("exposure_or_gamma", "rgb"): ("images.exposure", "images.transfer", "event_response.threshold"),
@@ -263,7 +266,9 @@ def contradicts(
     is_rounding = of_frames and _is_rounding(magnitude, results)
     is_no_arm = cause == "lever_arm" and _contradicts_arm(family, magnitude, results)
     is_no_threshold = cause == "threshold_misdeclared" and _changes_sign(results.get("event_response.threshold"))
-    if is_off_grid or is_of_another_body or is_within_reach or is_rounding or is_no_threshold or is_no_arm:
+    is_own_camera = family == "flow" and cause in _OF_CAMERA and _passed(results.get("flow_geometry.endpoint"))
+    of_clocks = is_off_grid or is_within_reach or is_rounding
+    if of_clocks or is_of_another_body or is_no_threshold or is_no_arm or is_own_camera:
         return True
     # A gain that was measured of single frames changes the whole by less.
     if (cause, family) in _IN_ORDER and (cause != "exposure_or_gamma" or magnitude is None):

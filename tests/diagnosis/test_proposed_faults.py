@@ -581,3 +581,13 @@ def test_a_heading_from_north_is_undone_with_the_turn_of_the_world() -> None:
     assert list(faults_for("frame_convention", "pose", None, (compared,), {}, facts)) == [
         AngleSense((-1, 1, 1), quarter)
     ]
+
+
+def test_frames_of_a_turned_camera_are_undone_about_its_axis_first() -> None:
+    """As far, and in the sense, as the camera of the flow would be turned."""
+    facts = facts_of(memory_sequence())
+    sizes = {"flow/10hz mounting_pitch": 0.2, "flow/10hz mounting_yaw": -0.1, "flow/10hz mounting_roll": -1.0}
+    results = dict([result("flow_photometric.residual", **sizes)])
+    first, second, *_ = faults_for("extrinsic_rotation", "metadata", 1.0, (), results, facts)
+    assert first == MountingRotation("metadata", (0.0, 0.0, -1.0), "rgb")
+    assert second == MountingRotation("metadata", (0.2, -0.1, -1.0), "rgb")

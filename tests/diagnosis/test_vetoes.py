@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -358,3 +359,14 @@ def test_an_offset_that_imu_and_poses_share_is_seen_against_others(stream: str, 
         )
         results["clocks.span"] = Result("clocks.span", "failed", "moved", findings=findings)
     assert contradicts("time_offset", stream, 27.039, results, places) == (by == "nothing")
+
+
+@pytest.mark.parametrize("cause", ["intrinsics_focal", "intrinsics_centre", "extrinsic_rotation"])
+@pytest.mark.parametrize(("outcome", "is_contradicted"), [("passed", True), ("failed", False)])
+def test_flow_that_depth_and_poses_give_has_its_own_camera(
+    cause: str, outcome: Literal["passed", "failed"], *, is_contradicted: bool
+) -> None:
+    """Then frames that deviate from it are those of a wrong camera."""
+    geometry = {"flow_geometry.endpoint": Result("flow_geometry.endpoint", outcome, "?")}
+    assert contradicts(cause, "flow", None, geometry, {}) == is_contradicted
+    assert not contradicts(cause, "metadata", None, geometry, {})

@@ -89,7 +89,7 @@ class DelayedSegment(Feature):
 
 
 @dataclass(frozen=True, slots=True)
-class _SegmentFit:
+class _DelayFit:
     """A segment with a delay of its own, fitted to the delays of the windows.
 
     Attributes
@@ -399,9 +399,9 @@ def _fitted_multiple(
 
 def _segment_fits(
     delays_s: NDArray[np.float64], errors_s: NDArray[np.float64], inside: NDArray[np.bool_]
-) -> list[_SegmentFit]:
+) -> list[_DelayFit]:
     """Return the fits of a segment with a delay: the one that differs, or all others if it lies at one end."""
-    fits: list[_SegmentFit] = []
+    fits: list[_DelayFit] = []
     sides = (inside, ~inside) if bool(inside[0]) != bool(inside[-1]) else (inside,)
     for side in sides:
         changes = np.flatnonzero(side[1:] != side[:-1])
@@ -415,11 +415,11 @@ def _segment_fits(
                 course = held[measured].astype(np.float64)
                 squares, offset_s, error_s = _fitted_multiple(delays_s[measured], errors_s[measured], course)
                 # Its size, its begin and its end; at an edge window the part of it that has the delay.
-                fits.append(_SegmentFit(squares, 3 + (edge is not None), held, edge, offset_s, error_s))
+                fits.append(_DelayFit(squares, 3 + (edge is not None), held, edge, offset_s, error_s))
     return fits
 
 
-def _delayed_segment(fit: _SegmentFit, delays_s: NDArray[np.float64], spans_ns: NDArray[np.int64]) -> DelayedSegment:
+def _delayed_segment(fit: _DelayFit, delays_s: NDArray[np.float64], spans_ns: NDArray[np.int64]) -> DelayedSegment:
     first, last = (int(row) for row in np.flatnonzero(fit.inside)[[0, -1]])
     begin_ns = None if first == 0 else int(spans_ns[first, 0])
     end_ns = None if last == len(delays_s) - 1 else int(spans_ns[last, 1])
