@@ -135,7 +135,8 @@ def hypotheses_of(alarm: "Alarm", facts: "Facts") -> "tuple[Hypothesis, ...]":
     # The code of a finding is ``<subject>.<property>.<rule>``: without the rule it is the name of the check.
     propose: Propose = _function("diagnosis", CATALOGUE[alarm.finding.code.rpartition(".")[0]][0])
     of_cameras: Propose = _function("diagnosis", "declared_cameras.of_declared_cameras")
-    return (*propose(alarm, facts), *of_cameras(alarm, facts))
+    of_delays: Propose = _function("diagnosis", "clocks.of_varying_delays")
+    return (*propose(alarm, facts), *of_cameras(alarm, facts), *of_delays(alarm, facts))
 
 
 def _function(package: str, name: str) -> Any:

@@ -1,6 +1,6 @@
 """Hypotheses for alarms of the checks of clocks and of index maps, whose entries follow the timestamps."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import sqrt
 from typing import Final
@@ -18,7 +18,7 @@ from fedora_qa.checks.index_maps.frame_to_event import MapRule, WrongEntries
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.diagnosis.clock_units import factors_of_span, is_tick_factor
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
-from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS, clock_steps
+from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS, VaryingDelay, clock_steps, varying_delay
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import FRAMES_OF_MAP
 from fedora_qa.sequence.facts import Facts, StrayEvents
@@ -36,6 +36,47 @@ _ROUNDINGS: Final = 2
 
 _MOSTLY_ZERO: Final = 0.9
 """Least ratio of wrong entries for a map of zeros that was not only cut short."""
+
+
+_FEWEST_OTHERS: Final = 2
+"""Streams that show when a regular clock began: of two, none is the clock itself."""
+
+
+def delay_of(stream: str, facts: Facts) -> VaryingDelay | None:
+    """Return the delay of a sampled stream that varies, as that of a recorder does, where the others began together."""
+    clock = facts.clocks.get(stream)
+    family = stream_family(stream)
+    others = [o.times_ns for name, o in facts.clocks.items() if stream_family(name) != family and o.usable]
+    if clock is None or clock.ends_ns is not None or len(others) < _FEWEST_OTHERS or not clock.advancing.all():
+        return None
+    start_ns = float(np.median([times_ns[0] for times_ns in others if len(times_ns)]))
+    return varying_delay(clock.times_ns, start_ns, resolution_ns=NS_PER_US)
+
+
+def contradict_timestamps(codes: Iterable[str], family: str) -> bool:
+    """Whether findings, by their codes, compare what samples of a stream hold with other streams."""
+    checks = {
+        "imu": ("imu.",),
+        "pose": ("imu.", "flow_geometry.", "depth."),
+        "depth": ("depth.", "flow_geometry."),
+        "flow": ("flow_geometry.", "flow_photometric."),
+    }.get(family, ("event_response.", "flow_photometric."))
+    return any(code.startswith(checks) for code in codes)
+
+
+def of_varying_delays(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the offset of clocks that leave their regular times for a while, where content contradicts timestamps.
+
+    Correct clocks do not: what such samples hold is late by as much, whatever else explains it.
+    """
+    hypotheses = []
+    for stream in facts.clocks:
+        if contradict_timestamps((alarm.finding.code,), stream_family(stream)):
+            delay = delay_of(stream, facts)
+            if delay is not None and delay.returns:
+                late_ms = delay.offset_ns / NS_PER_MS
+                hypotheses.append(Hypothesis("time_offset", stream, support("clocks.late_for_a_while"), late_ms, "ms"))
+    return tuple(hypotheses)
 
 
 def hypotheses_of_reset(reset: ClockReset) -> tuple[Hypothesis, ...]:
@@ -111,6 +152,11 @@ def propose_unit(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 def propose_rate(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the causes of a wrong fitted period: another rate, or rounding."""
     statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
+    delay = delay_of(stream, facts)
+    if delay is not None and abs(delay.offset_ns) > delay.range_ns:
+        late, late_ms = support("clocks.late_by_varying_times"), delay.offset_ns / NS_PER_MS
+        trend = Hypothesis("clock_rate", stream, support("clocks.rate_of_a_late_clock"), statistic.value, "ppm")
+        return Hypothesis("time_offset", stream, late, late_ms, "ms"), trend
     for feature in statistic.features:
         if isinstance(feature, SegmentRate):
             supported = support("clocks.rate_of_a_part")

@@ -1,6 +1,6 @@
 """The faults that a trial undoes for a cause: mechanisms of ``fedora_qa.faults`` with sizes from the measurements."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import copysign, inf, isclose, isfinite, log
 from types import MappingProxyType
 from typing import Final, Literal, get_args
@@ -15,9 +15,9 @@ from fedora_qa.checks.images.order import OutOfOrderIntervals
 from fedora_qa.checks.images.transfer import CodesBent
 from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
 from fedora_qa.checks.integrity.finite import OutOfRange
-from fedora_qa.conventions import FRD_FROM_FLU, MS_PER_S, NED_FROM_ENU, NS_PER_MS, NS_PER_S, NS_PER_US, SAME_AXES
+from fedora_qa.conventions import FRD_FROM_FLU, MS_PER_S, NED_FROM_ENU, NS_PER_MS, NS_PER_US, SAME_AXES
 from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
-from fedora_qa.diagnosis.clocks import is_right_elsewhere
+from fedora_qa.diagnosis.clocks import contradict_timestamps, delay_of, is_right_elsewhere
 from fedora_qa.diagnosis.declared_cameras import inverted_mountings, mountings_of_other_bodies
 from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
@@ -52,7 +52,6 @@ from fedora_qa.estimators.clocks.regular_clock import (
     SlewedSegment,
     clock_steps,
     displaced_part,
-    rounding_grid_ns,
     slewed_part,
 )
 from fedora_qa.faults import (
@@ -105,12 +104,6 @@ _UNIT_TOLERANCE: Final = 0.02
 _WITHIN: Final = 3.0
 """Standard errors within which a factor is that of a fit: one of a thousand is outside on either side."""
 
-
-_FEWEST_OTHERS: Final = 2
-"""Streams that show when a regular clock began: of two, none is the clock itself."""
-
-_FEWEST_LATE: Final = 8
-"""Timestamps of a clock whose lateness varies. The value is not derived."""
 
 _ROUNDINGS: Final = 2
 """Largest change of the difference of two timestamps by rounding, in units of the timestamps: half a unit for each
@@ -241,7 +234,7 @@ def _clock_steps(fit: FittedCause) -> Faults:
         return
     steps = clock_steps(clock.times_ns, resolution_ns=NS_PER_US)
     codes = {alarm.finding.code for alarm in fit.alarms}
-    if not steps or ("clocks.gaps.jump" not in codes and not _contradict_timestamps(codes, fit.family)):
+    if not steps or ("clocks.gaps.jump" not in codes and not contradict_timestamps(codes, fit.family)):
         return
     first, *others = steps
     if not others:
@@ -258,7 +251,7 @@ def _event_clock_steps(fit: FittedCause) -> Faults:
     Lost events leave such an interval as well, and no delay.
     """
     codes = {alarm.finding.code for alarm in fit.alarms}
-    if fit.stream != "events" or not _contradict_timestamps(codes, "events"):
+    if fit.stream != "events" or not contradict_timestamps(codes, "events"):
         return
     for alarm in fit.alarms:
         place = alarm.finding.where
@@ -273,38 +266,10 @@ def _event_clock_steps(fit: FittedCause) -> Faults:
         yield clocks.ClockShift("events", part.offset_ms * NS_PER_MS, while_ns=(part.begin_ns, part.end_ns))
 
 
-def _contradict_timestamps(codes: Iterable[str], family: str) -> bool:
-    """Whether findings, by their codes, compare what samples of a stream hold with other streams."""
-    checks = {
-        "imu": ("imu.",),
-        "pose": ("imu.", "flow_geometry.", "depth."),
-        "depth": ("depth.", "flow_geometry."),
-        "flow": ("flow_geometry.", "flow_photometric."),
-    }.get(family, ("event_response.", "flow_photometric."))
-    return any(code.startswith(checks) for code in codes)
-
-
 def _varying_shift(fit: FittedCause) -> Faults:
-    """Yield the regular clock of a stream whose timestamps are late by times of their own, as those of a recorder.
-
-    The clock has a whole rate in Hz and begins with the other streams, and no sample was lost. Neighbouring samples are
-    late by different times: those of a clock with another rate, or with an offset for a while, are not.
-    """
-    clock = fit.facts.clocks.get(fit.stream)
-    others = [o.times_ns for name, o in fit.facts.clocks.items() if stream_family(name) != fit.family and o.usable]
-    if clock is None or clock.ends_ns is not None or len(others) < _FEWEST_OTHERS or len(clock.times_ns) < _FEWEST_LATE:
-        return
-    if not clock.advancing.all() or rounding_grid_ns(clock.times_ns, resolution_ns=NS_PER_US):
-        return
-    times_ns = clock.times_ns.astype(np.float64)
-    mean_ns = (times_ns[-1] - times_ns[0]) / (len(times_ns) - 1)
-    period_ns = NS_PER_S / max(round(NS_PER_S / mean_ns), 1)
-    start_ns = float(np.median([times_ns[0] for times_ns in others if len(times_ns)]))
-    late_ns = times_ns - start_ns - period_ns * np.arange(len(times_ns))
-    offset_ns = float(np.median(late_ns))
-    varies = float(np.median(np.abs(np.diff(late_ns, 2)))) > _ROUNDINGS * _ROUNDINGS * NS_PER_US
-    if varies and float(np.abs(late_ns - offset_ns).max()) < period_ns / 2:
-        yield clocks.ClockShift(fit.stream, offset_ns, regular_ns=(start_ns, period_ns))
+    """Yield the regular clock of a stream whose timestamps are late by times of their own, as those of a recorder."""
+    if (delay := delay_of(fit.stream, fit.facts)) is not None:
+        yield clocks.ClockShift(fit.stream, delay.offset_ns, regular_ns=(delay.start_ns, delay.period_ns))
 
 
 def _clock_rate(fit: FittedCause) -> Faults:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US, US_PER_S
 from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
-from fedora_qa.faults.fault import Fault, RowRange, in_rows, rows_from, streams_in, values
+from fedora_qa.faults.fault import Fault, RowRange, in_rows, rows_from, streams_in, values, values_by_row
 from fedora_qa.faults.index_maps import IndexShift, with_following_maps
 from fedora_qa.faults.row_order import Unsorted
 from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS
@@ -40,9 +40,13 @@ def _on_regular_clock(times_ns: Int64, regular_ns: tuple[float, float] | None, f
     if regular_ns is None:
         return times_ns
     start_ns, period_ns = regular_ns
-    regular = start_ns + np.rint((times_ns - start_ns) / period_ns) * period_ns
+    return _in_microseconds(start_ns + np.rint((times_ns - start_ns) / period_ns) * period_ns, facts)
+
+
+def _in_microseconds(times_ns: NDArray[np.float64], facts: Facts) -> Int64:
+    """Return times, rounded to whole microseconds of the file."""
     zero_ns = facts.from_file_us(0.0)
-    return np.asarray(zero_ns + NS_PER_US * np.rint((regular - zero_ns) / NS_PER_US).astype(np.int64))
+    return np.asarray(zero_ns + NS_PER_US * np.rint((times_ns - zero_ns) / NS_PER_US).astype(np.int64))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +63,8 @@ class ClockShift:
         Rows whose timestamps are late; None: all.
     regular_ns
         First instant and period, ns, of a regular clock whose times were late by about the offset, each by a time of
-        its own; undone, the timestamps are the nearest of its times, in whole microseconds. None: late by the constant.
+        its own; undone, the timestamp of each row is that of the clock, in whole microseconds. None: late by the
+        constant.
     while_ns
         True times from which on, and before which, timestamps are late, ns from the file's origin; None at an end: up
         to that end of the stream. Undone, all timestamps that such a late one can have are moved. None: always.
@@ -88,11 +93,16 @@ class ClockShift:
         offset_ns = round(self.offset_ns)
         description = f"{self.stream} {self.magnitude:.4g} ms earlier{self._place(facts)}"
         if self.regular_ns is not None:
-            description += f", every {self.regular_ns[1] / NS_PER_MS:.6g} ms"
+            start_ns, period_ns = self.regular_ns
+            description += f", every {period_ns / NS_PER_MS:.6g} ms"
+            # By the number of the row: a delay may be longer than a period.
+            of_rows = values_by_row(lambda _, rows: _in_microseconds(start_ns + period_ns * rows, facts))
+            keys = [timestamps_of(name) for name in streams_in(facts, self.stream)]
+            return with_following_maps(facts, sequence, Fault(description, dict.fromkeys(keys, of_rows)))
 
         def earlier(times_ns: Int64) -> Int64:
             true_ns = times_ns - offset_ns
-            return np.where(self._holds_at(true_ns), _on_regular_clock(true_ns, self.regular_ns, facts), times_ns)
+            return np.where(self._holds_at(true_ns), true_ns, times_ns)
 
         return with_following_maps(facts, sequence, _retimed(facts, self, description, earlier))
 

@@ -11,8 +11,12 @@ from fedora_qa.checks.clocks.rate import RoundedClock, SegmentRate
 from fedora_qa.checks.clocks.resolution import PartialGrid
 from fedora_qa.checks.clocks.span import CutOfSeveralRates, StreamEnds
 from fedora_qa.checks.clocks.streams import ClockSetBack, PartInOtherUnit
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.clocks import of_varying_delays
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.features import Feature
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.facts import EventStep
 from fedora_qa.views.clock_resets import ClockReset
 from tests.support.facts import MS, clock, exact_facts, with_clock
@@ -235,3 +239,29 @@ def test_a_cut_of_several_rates_is_of_the_flow() -> None:
     several = CutOfSeveralRates(("flow/10hz", "flow/25hz"))
     assert named(proposed("clocks.span.end", ends, stream="flow/10hz")) == [("truncated", "flow/10hz")]
     assert named(proposed("clocks.span.end", ends, several, stream="flow/10hz")) == [("truncated", "flow")]
+
+
+def test_a_trend_of_frames_that_are_all_early_is_an_offset_first() -> None:
+    """Frames are early by about 4 ms, and less in the end: their mean rate is that of no clock."""
+    facts = exact_facts()
+    numbers = np.arange(len(facts.clocks["rgb"].times_ns))
+    early_us = 4000 - np.rint(400 * np.sin(numbers / len(numbers))).astype(np.int64)
+    early = with_clock(facts, "rgb", clock(20 * MS * numbers - 1000 * early_us))
+    first, second = proposed("clocks.rate.error", stream="rgb", facts=early)
+    assert (first.cause, first.unit, second.cause) == ("time_offset", "ms", "clock_rate")
+    assert first.magnitude == pytest.approx(-3.8, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("code", "is_named"), [("depth.scale.factor", True), ("event_response.alignment.shift", False)]
+)
+def test_a_clock_that_is_late_for_a_while_is_named_where_content_contradicts_it(code: str, is_named: bool) -> None:
+    """Poses that left their regular times and came back are late, whatever else is fitted to them."""
+    facts = exact_facts()
+    numbers = np.arange(len(facts.clocks["pose"].times_ns))
+    late_us = np.rint(30_000 * np.clip(1 - np.abs(numbers - 250) / 50, 0, None)).astype(np.int64)
+    late = with_clock(facts, "pose", clock(5 * MS * numbers + 1000 * late_us))
+    hypotheses = of_varying_delays(
+        Alarm(Finding("F1", code, "error", "off", Where()), Statistic("v", 1.0, "1", 0.0, "off", code, Where())), late
+    )
+    assert named(hypotheses) == [("time_offset", "pose")] * is_named

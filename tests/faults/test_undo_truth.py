@@ -220,6 +220,8 @@ EXACT: list[Truth] = [
     (ClockShift("flow", -2 * MS), on(lambda t: t - 2 * MS, *(f"{key}_ts" for key in FLOW_KEYS))),
     (ClockShift("depth", 6 * MS, regular_ns=(0, 20 * MS)),
      on(lambda t: t + 6 * MS + 1000 * (np.arange(len(t)) * 7919 % 3001), "path/depth_ts")),
+    (ClockShift("depth", 30 * MS, regular_ns=(0, 20 * MS)),
+     on(lambda t: t + 30 * MS + 1000 * (np.arange(len(t)) * 7919 % 9001), "path/depth_ts")),
     (ClockShift("pose", 5 * MS, rows=(9, None)), on(from_row(5 * MS, 9), "path/pose/ts")),
     (ClockShift("events", 7 * MS), with_maps(on(lambda t: t + 7 * MS, T))),
     (ClockShift("events", 7 * MS), on(lambda t: t + 7 * MS, T)),

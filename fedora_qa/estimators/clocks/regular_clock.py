@@ -45,6 +45,9 @@ _ROUNDINGS: Final = 2
 """Largest change of the difference of two timestamps by rounding, in units of the timestamps: half a unit for each
 timestamp, and the rounding of the period."""
 
+_FEWEST_LATE: Final = 8
+"""Timestamps of a clock whose delay varies. The value is not derived."""
+
 _SEGMENT: Final = 64
 """Samples of a segment. Segments are tested separately, so that the grid of a part of the stream is detected."""
 
@@ -307,6 +310,90 @@ def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment |
     # drift = slope of the deviation (ns) over period * row (ns), by least squares: s/s.
     drift = 0.0 if steady else float(np.polyfit(period * np.arange(len(inside), dtype=float), inside, 1)[0])
     return DisplacedSegment(first, last, float(np.median(inside)), drift)
+
+
+@dataclass(frozen=True, slots=True)
+class VaryingDelay:
+    """A regular clock whose timestamps are late by times of their own, without a sample lost.
+
+    Attributes
+    ----------
+    start_ns, period_ns
+        First instant and period, ns, of the clock: sample n was taken at ``start_ns + n period_ns``.
+    offset_ns
+        Median delay of the samples that are late, ns; negative where they are early.
+    range_ns
+        Longest less shortest delay, ns.
+    returns
+        Whether the first and the last timestamp are those of the clock.
+    """
+
+    start_ns: float
+    period_ns: float
+    offset_ns: float
+    range_ns: float
+    returns: bool
+
+
+def varying_delay(times_ns: Int64, start_ns: float, *, resolution_ns: int) -> VaryingDelay | None:
+    """Return the delay of a regular clock that varies from sample to sample.
+
+    The clock has a whole rate in Hz and begins at a known time. Three delays are none of another rate, of an offset or
+    of a grid: neighbours are late by different times; the delay begins and ends within the stream, and neither jumps
+    nor grows evenly; or it is larger than its changes, which follow no straight line.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) increasing timestamps, ns.
+    start_ns
+        When the other clocks begin, ns.
+    resolution_ns
+        Unit to which the timestamps are rounded, ns.
+
+    Returns
+    -------
+    VaryingDelay | None
+        None where the clock has no such delay.
+    """
+    if len(times_ns) < _FEWEST_LATE or np.any(np.diff(times_ns) <= 0):
+        return None
+    if rounding_grid_ns(times_ns, resolution_ns=resolution_ns):
+        return None
+    numbers = np.arange(len(times_ns), dtype=np.float64)
+    # No sample was lost: the rate is that of as many samples.
+    period_ns = NS_PER_S / max(round(NS_PER_S * numbers[-1] / (times_ns[-1] - times_ns[0])), 1)
+    late_ns = times_ns - start_ns - period_ns * numbers
+    rounded_ns = _ROUNDINGS * resolution_ns
+    is_late = np.abs(late_ns) > rounded_ns
+    if not np.any(is_late):
+        return None
+    range_ns = float(np.ptp(late_ns))
+    # Delays of a grid are smaller than the grid.
+    if range_ns <= _SAME_GRID * float(np.gcd.reduce(np.diff(times_ns))):
+        return None
+    offset_ns = float(np.median(late_ns))
+    within = float(np.abs(late_ns - offset_ns).max()) < period_ns / 2
+    # Half of a step of rounding in each of three timestamps, of which one counts twice.
+    if within and float(np.median(np.abs(np.diff(late_ns, 2)))) > _ROUNDINGS * rounded_ns:
+        return VaryingDelay(start_ns, period_ns, offset_ns, range_ns, returns=False)
+    returns = not (is_late[0] or is_late[-1])
+    if returns and np.mean(~is_late) >= _LEAST_OUTSIDE and _is_uneven(times_ns, late_ns, is_late, resolution_ns):
+        return VaryingDelay(start_ns, period_ns, float(np.median(late_ns[is_late])), range_ns, returns=True)
+    _, residuals, _ = _line(numbers, late_ns)
+    if within and abs(offset_ns) > range_ns and np.ptp(residuals) > _ROUNDINGS * rounded_ns:
+        return VaryingDelay(start_ns, period_ns, offset_ns, range_ns, returns=False)
+    return None
+
+
+def _is_uneven(times_ns: Int64, late_ns: Float64, is_late: NDArray[np.bool_], resolution_ns: int) -> bool:
+    """Whether a delay that begins and ends is no constant, no line, and no gap that a later one closes."""
+    rows = np.flatnonzero(is_late)
+    inside = slice(rows[0], rows[-1] + 1)
+    if len(rows) < _FEWEST_LATE or slewed_part(times_ns, resolution_ns=resolution_ns) is not None:
+        return False
+    _, residuals, _ = _line(np.arange(len(late_ns[inside]), dtype=np.float64), late_ns[inside])
+    return float(np.ptp(residuals)) > _ROUNDINGS * _ROUNDINGS * resolution_ns
 
 
 @dataclass(frozen=True, slots=True)

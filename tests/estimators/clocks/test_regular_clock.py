@@ -15,6 +15,7 @@ from fedora_qa.estimators.clocks.regular_clock import (
     is_rounded,
     rounding_grid_ns,
     slewed_part,
+    varying_delay,
 )
 
 
@@ -327,3 +328,46 @@ def test_few_repeats_are_rounding_where_the_grid_is_the_period_of_no_whole_rate(
     assert not has_odd_grid_above_period(odd)
     for without in (timestamps_ns(3400.0), np.zeros(9, np.int64), np.append(few, few[-1] + 1000)):
         assert not has_odd_grid_above_period(without)
+
+
+NUMBERS = np.arange(1001)
+MS = 1000 * US
+
+
+@pytest.mark.parametrize("longest_us", [40, 16_000])
+def test_a_delay_that_comes_and_goes_is_that_of_its_samples(longest_us: int) -> None:
+    """Samples of a queue that fills and empties are late, by more than a period as well; the clock is that before."""
+    late_us = np.rint(longest_us * np.clip(1 - np.abs(NUMBERS - 700) / 100, 0, None)).astype(np.int64)
+    delay = varying_delay(NUMBERS * MS + late_us * US, 0.0, resolution_ns=US)
+    assert delay is not None
+    assert delay.returns
+    assert (delay.start_ns, delay.period_ns, delay.range_ns) == (0.0, MS, longest_us * US)
+    assert delay.offset_ns == pytest.approx(longest_us * US / 2, rel=0.1)
+
+
+def test_a_delay_that_varies_slowly_is_larger_than_its_changes() -> None:
+    """Frames that are stamped before an exposure which follows the light."""
+    early_us = 4000 + np.rint(300 * np.sin(np.arange(51) / 15)).astype(np.int64)
+    delay = varying_delay(np.arange(51) * 20 * MS - early_us * US, 0.0, resolution_ns=US)
+    assert delay is not None
+    assert not delay.returns
+    assert delay.offset_ns == pytest.approx(-4.2 * MS, abs=0.3 * MS)
+    assert abs(delay.offset_ns) > delay.range_ns
+
+
+@pytest.mark.parametrize(
+    "times_us",
+    [
+        1000 * NUMBERS,
+        1000 * NUMBERS + 4000,
+        1000 * NUMBERS + 70 * ((NUMBERS >= 200) & (NUMBERS < 400)),
+        1000 * NUMBERS + np.where((NUMBERS >= 200) & (NUMBERS < 400), (NUMBERS - 200) // 7, 0),
+        np.rint(1001.5 * NUMBERS).astype(np.int64) + 4000,
+        1000 * NUMBERS[NUMBERS != 300],
+        1000 * (np.arange(61) * 1_000_000 // 60 // 1000),
+    ],
+    ids=["exact", "offset", "offset of a part", "rate of a part", "rate", "lost sample", "grid"],
+)
+def test_no_delay_varies_of_another_fault_of_a_clock(times_us: NDArray[np.int64]) -> None:
+    """A constant, a line, a lost sample and a grid have names of their own."""
+    assert varying_delay(times_us * US, 0.0, resolution_ns=US) is None
