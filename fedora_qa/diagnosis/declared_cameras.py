@@ -130,6 +130,11 @@ def of_declared_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         for fault in other_views(facts)
         if fault.camera in names
     ]
+    hypotheses += [
+        Hypothesis("intrinsics_focal", "metadata", support("metadata.pixels_not_square"), fault.magnitude, "percent")
+        for fault in unequal_focal_lengths(facts)[:1]
+        if fault.camera in names
+    ]
     inverted = [fault.camera for fault in inverted_mountings(facts)]
     if names & set(inverted):
         hypotheses.append(Hypothesis("frame_convention", "metadata", support("metadata.inverted_mounting")))
@@ -271,6 +276,36 @@ def other_views(facts: Facts) -> tuple[FocalLength, ...]:
         if any(abs(others[0] / tangent / ratio - 1) < _SAME_VIEW for ratio in ratios):
             faults.append(FocalLength("metadata", 100 * (others[0] / tangent - 1), name))
     return tuple(faults)
+
+
+def unequal_focal_lengths(facts: Facts) -> tuple[FocalLength, ...]:
+    """Return the focal lengths of cameras whose pixels are not square, where those of all other cameras are.
+
+    Pixels of sensors are square. One focal length, along rows or columns, is then that of an angle of view for another
+    shape of image, or of an image that was stretched. First is the one along rows, which is computed from the other
+    one more often, unless the other one leaves the view of the other cameras.
+    """
+    cameras = facts.declared.cameras
+    ratios = {name: float(camera.K[1, 1] / camera.K[0, 0]) for name, camera in cameras.items()
+              if min(camera.K[0, 0], camera.K[1, 1]) > 0 and not is_transposed(camera.K)}  # fmt: skip
+    if len(ratios) < len(cameras):
+        return ()
+    odd = [name for name, ratio in ratios.items() if abs(ratio - 1) > _SAME]
+    if len(odd) != 1 or len(cameras) <= len(odd):
+        return ()
+    name, ratio = odd[0], ratios[odd[0]]
+    rows = FocalLength("metadata", 0.0, name, 100 * (ratio - 1))
+    columns = FocalLength("metadata", 100 * (1 / ratio - 1), name, 0.0)
+    others = [camera for other, camera in cameras.items() if other != name]
+
+    def is_shared(focal_px: float) -> bool:
+        """Whether a focal length gives the view of another camera."""
+        return any(
+            abs(focal_px / cameras[name].width * other.width / other.K[0, 0] - 1) < _SAME_VIEW for other in others
+        )
+
+    by_rows = is_shared(cameras[name].K[1, 1]) and not is_shared(cameras[name].K[0, 0])
+    return (columns, rows) if by_rows else (rows, columns)
 
 
 def film_focal_lengths(facts: Facts) -> tuple[FilmFocalLength, ...]:

@@ -19,6 +19,7 @@ from fedora_qa.diagnosis.declared_cameras import (
     other_views,
     sizes_of_images,
     transposed,
+    unequal_focal_lengths,
 )
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.measured_sizes import flow_vector
@@ -79,6 +80,7 @@ def focal_length(fit: FittedCause) -> Faults:
         yield from film_focal_lengths(fit.facts)
         yield from sizes_of_images(fit.facts)
         yield from other_views(fit.facts)
+        yield from unequal_focal_lengths(fit.facts)
     for best in islice(_camera_errors(fit, FOCAL_MODELS), 1):
         # Events whose image is wider by k: f' = f / (1 + k) of the event camera, or f' = f (1 + k) of that of colour.
         wider = [1 + gain for gain in best.focal_gains]

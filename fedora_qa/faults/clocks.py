@@ -43,7 +43,7 @@ def _on_regular_clock(times_ns: Int64, regular_ns: tuple[float, float] | None, f
     return _in_microseconds(start_ns + np.rint((times_ns - start_ns) / period_ns) * period_ns, facts)
 
 
-def _in_microseconds(times_ns: NDArray[np.float64], facts: Facts) -> Int64:
+def _in_microseconds(times_ns: NDArray[np.floating[Any]], facts: Facts) -> Int64:
     """Return times, rounded to whole microseconds of the file."""
     zero_ns = facts.from_file_us(0.0)
     return np.asarray(zero_ns + NS_PER_US * np.rint((times_ns - zero_ns) / NS_PER_US).astype(np.int64))

@@ -22,6 +22,7 @@ from fedora_qa.diagnosis.declared_cameras import (
     other_views,
     resized_images,
     sizes_of_images,
+    unequal_focal_lengths,
 )
 from fedora_qa.diagnosis.metadata import propose_cameras
 from fedora_qa.diagnosis.proposed_faults import faults_for
@@ -393,6 +394,33 @@ def test_a_focal_length_by_a_wrong_formula_is_undone(factor: float) -> None:
 def test_other_views_are_those_of_no_side(factor: float) -> None:
     """Neither cameras of one view, nor a focal length that is wrong by any number."""
     assert other_views(same_views(events=factor)) == ()
+
+
+@pytest.mark.parametrize(("axis", "percent"), [(1, 4.0), (1, -9.0), (0, 4.0)])
+def test_of_unequal_focal_lengths_the_one_of_another_view_is_wrong(axis: int, percent: float) -> None:
+    """Undone, the pixels are square, and the view is that of the other cameras."""
+    facts = same_views()
+    K = facts.declared.cameras["depth"].K.copy()
+    K[axis, axis] *= 1 + percent / 100
+    cameras = {**facts.declared.cameras, "depth": replace(facts.declared.cameras["depth"], K=K)}
+    wrong = replace(facts, declared=replace(facts.declared, cameras=cameras))
+    first, _ = unequal_focal_lengths(wrong)
+    undone = first.undo(wrong, memory_sequence()).declared
+    assert undone is not None
+    assert pytest.approx(facts.declared.cameras["depth"].K) == undone.cameras["depth"].K
+    assert first in set(faults_for("intrinsics_focal", "metadata", first.magnitude, (), {}, wrong))
+    for code, is_named in (("flow_geometry.endpoint.error", True), ("event_response.alignment.shift", False)):
+        causes = {(each.cause, each.stream) for each in of_declared_cameras(alarm(code), wrong)}
+        assert (("intrinsics_focal", "metadata") in causes) == is_named
+
+
+def test_square_pixels_and_those_of_all_cameras_are_right() -> None:
+    """Neither a rig of square pixels nor one whose cameras all have others."""
+    facts = same_views()
+    assert unequal_focal_lengths(facts) == ()
+    stretched = {name: replace(camera, K=camera.K * np.array([[1.0], [1.1], [1.0]]))
+                 for name, camera in facts.declared.cameras.items()}  # fmt: skip
+    assert unequal_focal_lengths(replace(facts, declared=replace(facts.declared, cameras=stretched))) == ()
 
 
 def rig(**rotations_deg: tuple[float, float, float]) -> Facts:
