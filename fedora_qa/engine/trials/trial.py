@@ -5,7 +5,8 @@ worst finding first; one that clears a finding there is tried on four times as m
 all that the run measured. The same windows are measured without the fault undone: a finding counts as cleared only
 where its deviation is seen on these windows with the fault in place. What a fault that clears findings brings about
 between IMU and poses is measured in all windows. Work is counted in windows for one check and bounded by what the run
-itself measured, never by the clock, so that a record does not depend on the machine.
+itself measured, or one of a few more windows would, never by the clock, so that a record does not depend on the
+machine.
 """
 
 from collections.abc import Iterator, Mapping, Sequence, Set
@@ -52,6 +53,10 @@ false-alarm rate of 1e-3 there would have to be 1e13 comparisons in place of a h
 _OF_SAMPLES: Final = frozenset({"imu", "pose"})
 """Streams of which every window is read in little time."""
 
+_FEWEST_WINDOWS: Final = 16
+"""Windows of a short sequence for which trials may work as long as the run of so many would take. The value is not
+derived: of 8 windows a fault that is shown by 4 of them takes a quarter of the work, and the cause may be the fifth."""
+
 _SHARE_OF_A_FAULT: Final = 0.5
 """Most of the work that is left which further windows of one fault may take."""
 
@@ -96,8 +101,9 @@ class TrialBench:
 
     @staticmethod
     def of(alarms: Sequence[Alarm], checks: Sequence[Check[Any]], run: PlainRun) -> "TrialBench":
-        """Return the bench of a run, with as much work as the run itself took."""
-        return TrialBench(alarms, checks, run, TrialWork(len(run.planned(run.ready)) * len(checks)))
+        """Return the bench of a run, with as much work as the run itself took, or that of a longer one would."""
+        windows = max(len(run.planned(run.ready)), _FEWEST_WINDOWS)
+        return TrialBench(alarms, checks, run, TrialWork(windows * len(checks)))
 
     def undo(self, fault: ReversibleFault) -> UndoTrial | None:
         """Undo a fault alone, and return what that changes; None where it cannot be undone, or no work is left."""
