@@ -31,6 +31,7 @@ from fedora_qa.diagnosis.conclusion import (
 )
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
+from fedora_qa.diagnosis.joined_findings import joined_hypotheses
 from fedora_qa.diagnosis.measured_sizes import Results, has_lines_of_frames, is_nearer_to_other_order
 from fedora_qa.diagnosis.vetoes import (
     COMPARED_BY_FLOW,
@@ -99,6 +100,8 @@ def rank_candidates(
         ]
         for finding, proposed in hypotheses.items()
     }
+    for finding, joined in joined_hypotheses(alarms).items():
+        large_enough[finding] = [*large_enough.get(finding, ()), *joined]
     if has_lines_of_frames(results):
         # Too few of all events for a finding of its own: those of a while.
         interpolated = Hypothesis(

@@ -1,0 +1,46 @@
+"""Hypotheses for findings that another finding of the same file explains."""
+
+import pytest
+
+from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
+from fedora_qa.checks.images.exposure import BrightnessJump
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.joined_findings import joined_hypotheses
+from fedora_qa.features import Feature
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.record.types import Finding, Where
+from tests.support.proposals import named
+
+
+def alarm(finding: str, code: str, *features: Feature) -> Alarm:
+    statistic = Statistic("value", 1.0, "1", 0.0, "off", code, Where(), features=features)
+    return Alarm(Finding(finding, code, "error", "off", Where()), statistic)
+
+
+def wrong_values(unfounded: int, missing: int) -> WrongFlowValues:
+    return WrongFlowValues(frozenset({"flow/50hz"}), unfounded, missing, alike=0, behind=0, deep=True)
+
+
+@pytest.mark.parametrize(("percent", "is_black"), [(-98.0, True), (-60.0, False), (4000.0, False)])
+def test_nearly_black_frames_show_no_motion(percent: float, is_black: bool) -> None:
+    """What is found of their order is their exposure; frames that are darker by half still move."""
+    order = alarm("F1", "images.order.share")
+    joined = joined_hypotheses([order, alarm("F2", "images.exposure.jump", BrightnessJump(percent, 1.0))])
+    assert list(joined) == ["F1"] * is_black
+    assert all(named(each) == [("exposure_or_gamma", "rgb")] for each in joined.values())
+
+
+@pytest.mark.parametrize(
+    ("unfounded", "code", "is_filled"),
+    [
+        (0, "depth.consistency.tile", True),
+        (9, "depth.consistency.tile", False),
+        (0, "depth.scale.factor", False),
+    ],
+)
+def test_depth_without_flow_that_contradicts_itself_is_none(unfounded: int, code: str, is_filled: bool) -> None:
+    """Depth that is displaced has flow beside it as well; depth that agrees with its neighbours has values."""
+    missing = alarm("F1", "flow_geometry.validity.missing", wrong_values(unfounded, 99))
+    joined = joined_hypotheses([missing, alarm("F2", code)])
+    assert sorted(joined) == ["F1", "F2"] * is_filled
+    assert all(named(each) == [("invalid_encoding", "depth")] for each in joined.values())
