@@ -36,11 +36,11 @@ from fedora_qa.comparison.tables import (
 from fedora_qa.comparison.types import COMPARISON, Design
 from fedora_qa.errors import MisuseError, UnrecognisedError
 from fedora_qa.layout.dialect import Dialect, split_choice
-from fedora_qa.layout.folder import is_sequence
+from fedora_qa.layout.folder import is_sequence, sequences_in
 from fedora_qa.record.evidence import MOMENTS, TRAJECTORY
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.wording import not_recognised
-from fedora_qa.storage.folder import list_files
+from fedora_qa.storage.folder import is_folder, list_files
 
 _RECORD: Final = ".json"
 
@@ -126,7 +126,10 @@ def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[S
     sources = []
     for path in paths:
         if not path.is_dir() or is_sequence(path, dialect):
-            sources.append(Source(path, (path,), not path.is_dir() and path.suffix.lower() == _RECORD))
+            sources.append(Source(path, (path,), not is_folder(path) and path.suffix.lower() == _RECORD))
+            continue
+        if side_by_side := sequences_in(path, dialect):
+            sources.append(Source(path, side_by_side, holds_records=False))
             continue
         entries = sorted(path.iterdir())
         inside = [entry for entry in entries if entry.is_file()]
@@ -144,7 +147,7 @@ def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[S
         sources.append(Source(path, sequences or records, not sequences))
     for source in sources:
         if not source.holds_records:
-            require_hdf5([path for path in source.paths if not path.is_dir()])
+            require_hdf5([path for path in source.paths if not is_folder(path)])
         elif not source.paths[0].is_file():
             raise MisuseError(f"Expected a record at {source.path}, got no such file")
     return tuple(sources)

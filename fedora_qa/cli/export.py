@@ -16,6 +16,7 @@ from fedora_qa.exporting.tum import write_tum
 from fedora_qa.layout.dialect import DialectChoice, load_choice
 from fedora_qa.record.wording import not_recognised, unobeyed
 from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.storage.folder import is_folder, root_of
 
 
 def run_export(
@@ -28,7 +29,7 @@ def run_export(
         raise MisuseError(f"Expected the folder of {output} to exist; make it first")
     if not os.access(output.parent, os.W_OK):
         raise MisuseError(f"Expected the folder of {output} to be writable")
-    if source.is_dir() and output.resolve().is_relative_to(source.resolve()):
+    if is_folder(source) and output.resolve().is_relative_to(root_of(source).resolve()):
         raise MisuseError(f"Expected an output outside of {source}, which is read, got {output}")
     choice = load_choice(dialect, metadata)
     with progress_bar(source.name) as bar:

@@ -16,17 +16,17 @@ from fedora_qa.cli.isolated import run_isolated_light
 from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.sequences import require_hdf5
 from fedora_qa.cli.settings import external_folders
-from fedora_qa.errors import UnreadableFileError, first_line
+from fedora_qa.errors import MisuseError, UnreadableFileError, first_line
 from fedora_qa.layout.describe import DatasetRow, Description, describe
 from fedora_qa.layout.dialect import DialectChoice, load_choice, split_choice
 from fedora_qa.layout.draft import draft_dialect
 from fedora_qa.layout.draft_folder import draft_folder
 from fedora_qa.layout.external_files import ExternalFiles
-from fedora_qa.layout.folder import OpenFolder, matched_folder
+from fedora_qa.layout.folder import OpenFolder, matched_folder, sequences_in
 from fedora_qa.layout.resolve import resolve, unrecognised
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.wording import NOT_RECOGNISED, number
-from fedora_qa.storage.folder import list_files
+from fedora_qa.storage.folder import is_folder, list_files
 from fedora_qa.storage.signature import opening_limit_s
 
 _LONGEST_S: Final = 20.0
@@ -48,7 +48,7 @@ def run_layout(
     dialect_read = load_choice(dialect, metadata)
     if draft_path:
         require_new_file(draft_path, [file], force=False, remedy="it may hold corrections; choose another name")
-    if not file.is_dir():
+    if not is_folder(file):
         require_hdf5([file])
     arguments = (file, dialect_read, draft_path.stem if draft_path else "", external_folders(allow_external))
     description, draft = run_isolated_light(_describe_file, arguments, file, opening_limit_s(_LONGEST_S))
@@ -113,8 +113,12 @@ def _describe_file(
 ) -> tuple[Description, str]:
     """Return what a file holds, and a draft of its dialect if a name is given for it, else an empty text."""
     external_files = ExternalFiles(allow_external) if allow_external else None
-    if file.is_dir():
-        matched = matched_folder(file, split_choice(dialect)[0])
+    if is_folder(file):
+        several = sequences_in(file, split_choice(dialect)[0])
+        if not draft_name and len(several) > 1:
+            named = ", ".join(map(str, several))
+            raise MisuseError(f"Expected one sequence, got {file}, which holds {len(several)}: name one of {named}")
+        matched = None if len(several) > 1 else matched_folder(file, split_choice(dialect)[0])
         if matched is None:
             files = tuple(each.name for each in list_files(file))
             absent = tuple(unrecognised(str(file)).absent.items())

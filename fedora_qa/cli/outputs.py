@@ -33,6 +33,7 @@ from fedora_qa.record.tables import CSV_NAMES, TABLE_NAMES, Kind, Table, record_
 from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.record.wording import capitalised
 from fedora_qa.scoring.types import Score
+from fedora_qa.storage.folder import is_folder, root_of
 
 PARQUET_NAMES: Final = tuple(f"{name}.parquet" for name in TABLE_NAMES)
 """The files that hold the tables."""
@@ -105,7 +106,7 @@ class Outputs:
         # Resolved, because two names may lead to one file by a link or `..`.
         places = [path.resolve() for path in targets]
         read = {path.resolve() for path in inputs}
-        folders = [path for path in read if path.is_dir()]
+        folders = [root_of(path) for path in read if is_folder(path)]
         for target, place in zip(targets, places, strict=True):
             if place in read or places.count(place) > 1:
                 raise MisuseError(f"Expected an output of its own, got {target}, which is an input or another output")

@@ -16,6 +16,7 @@ from fedora_qa.scoring.predictions import PredictionsForm
 from fedora_qa.scoring.score import score_sequence
 from fedora_qa.scoring.tables import headline, score_tables, score_to_markdown
 from fedora_qa.scoring.types import SCORE, Score
+from fedora_qa.storage.folder import is_folder
 from fedora_qa.storage.signature import require_signature
 
 
@@ -53,9 +54,9 @@ def run_score(
 def require_readable(predictions: Path, sequence: Path) -> None:
     """Raise ``MisuseError`` before any work where a path is missing, or is neither HDF5 nor a folder."""
     for path, what in ((predictions, "predictions"), (sequence, "a sequence")):
-        if not path.exists():
+        if not (path.exists() or is_folder(path)):
             raise MisuseError(f"Expected {what}, got a path that does not exist: {path}")
-        if not path.is_dir():
+        if not is_folder(path):
             require_signature(path)
 
 

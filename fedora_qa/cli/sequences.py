@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Final
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.storage.folder import list_files
+from fedora_qa.storage.folder import is_folder, list_files
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.server import list_objects
 from fedora_qa.storage.signature import require_signature
@@ -24,9 +24,10 @@ _DEEPEST: Final = 8
 def sequences_of(places: Sequence[Place], choice: "DialectChoice") -> tuple[Place, ...]:
     """Return the sequences that arguments name.
 
-    A folder that fits a dialect with files is one sequence. Of another folder, every sequence below it is meant:
-    files of HDF5, and folders that fit; of a prefix of an object store, every HDF5 file. A folder without any is
-    returned as it is, so that its record states that no dialect fits.
+    A folder that fits a dialect with files is one sequence. Where its files are those of several, each is meant, as
+    ``FOLDER/NAME``, which names one of them as an argument as well. Of another folder, every sequence below it is
+    meant: files of HDF5, and folders that fit; of a prefix of an object store, every HDF5 file. A folder without any
+    is returned as it is, so that its record states that no dialect fits.
 
     Parameters
     ----------
@@ -38,15 +39,21 @@ def sequences_of(places: Sequence[Place], choice: "DialectChoice") -> tuple[Plac
     MisuseError
         A path is missing, given twice, or not HDF5; or a folder can be read in two ways, or has no files.
     """
+    from fedora_qa.layout.dialect import split_choice  # noqa: PLC0415 - loads HDF5
+    from fedora_qa.layout.folder import matched_folder  # noqa: PLC0415 - loads HDF5
+
     sequences: list[Place] = []
     for place in places:
         if isinstance(place, Path) and place.is_dir():
             sequences += _in_folder(place, choice)
+        elif isinstance(place, Path) and is_folder(place):
+            matched_folder(place, split_choice(choice)[0])  # raises where there is no such sequence
+            sequences.append(place)
         elif isinstance(place, RemoteFile) and place.is_prefix:
             sequences += _below_prefix(place)
         else:
             sequences.append(place)
-    require_hdf5([place for place in sequences if not (isinstance(place, Path) and place.is_dir())])
+    require_hdf5([place for place in sequences if not (isinstance(place, Path) and is_folder(place))])
     _require_each_once(sequences, "sequence")
     return tuple(sequences)
 
@@ -80,39 +87,45 @@ def _below_prefix(prefix: RemoteFile) -> list[RemoteFile]:
 
 def _in_folder(folder: Path, choice: "DialectChoice") -> list[Path]:
     from fedora_qa.layout.dialect import split_choice  # noqa: PLC0415 - loads HDF5
-    from fedora_qa.layout.folder import matched_folder, misfit  # noqa: PLC0415 - loads HDF5
+    from fedora_qa.layout.folder import match_folder, matched_folder, misfit, sequences_in  # noqa: PLC0415 - loads HDF5
 
     dialect, _ = split_choice(choice)
     below = list(_below(folder, dialect, _DEEPEST))
+    within = [path for path in below if is_folder(path)]
     try:
-        matched = matched_folder(folder, dialect)
+        sequences = list(sequences_in(folder, dialect))
     except MisuseError:
-        # It may be a folder of sequences; a role with two files is an error where nothing below fits.
-        if not below:
+        # It may be a folder of sequences; a role with two files is an error where no other folder fits.
+        if not within:
             raise
         return below
-    if matched is None:
+    if not sequences:
+        if dialect and dialect.files and not below:
+            match_folder(folder, dialect)  # raises why it does not fit
         # Images and tables beside a file of HDF5 make that file no sequence by itself.
-        if dialect is None and not any(path.is_dir() for path in below) and (sentence := misfit(folder)):
+        if dialect is None and not within and (sentence := misfit(folder)):
             raise MisuseError(f"{sentence}; complete the folder, or describe it (--dialect)")
         if not below and not list_files(folder):
             raise MisuseError(f"Expected a sequence, or a folder of sequences, got a folder without files: {folder}")
         return below or [folder]
-    within = [path for path in below if path.is_dir()]
     if within:
+        dialect_name = matched.dialect.name if (matched := matched_folder(sequences[0], dialect)) else ""
+        held = "is one" if sequences == [folder] else "holds several"
         raise MisuseError(
-            f"Expected one sequence or a folder of sequences, got {folder}, which is one in the dialect "
-            f"{matched.dialect.name} and holds another, {within[0]}; name the one that is meant"
+            f"Expected one sequence or a folder of sequences, got {folder}, which {held} in the dialect {dialect_name} "
+            f"and holds another, {within[0]}; name the one that is meant"
         )
-    for files in matched.files.values():
-        if files.form == "hdf5":
-            require_signature(files.first)
-    return [folder]
+    for sequence in sequences:
+        matched = matched_folder(sequence, dialect)
+        for files in matched.files.values() if matched else ():
+            if files.form == "hdf5":
+                require_signature(files.first)
+    return sequences
 
 
 def _below(folder: Path, dialect: "Dialect | None", levels: int) -> Iterator[Path]:
     """Yield the sequences in a folder, none hidden, in the order of their names."""
-    from fedora_qa.layout.folder import is_sequence  # noqa: PLC0415 - loads HDF5
+    from fedora_qa.layout.folder import sequences_in  # noqa: PLC0415 - loads HDF5
 
     try:
         entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
@@ -124,9 +137,14 @@ def _below(folder: Path, dialect: "Dialect | None", levels: int) -> Iterator[Pat
             continue
         # Links to folders may lead in circles, or out.
         if entry.is_dir(follow_symlinks=False) and levels:
-            if is_sequence(path, dialect):
-                yield path
+            try:
+                sequences = sequences_in(path, dialect)
+            except MisuseError:
+                deeper = list(_below(path, dialect, levels - 1))
+                if not any(map(is_folder, deeper)):
+                    raise
+                yield from deeper
             else:
-                yield from _below(path, dialect, levels - 1)
+                yield from sequences or _below(path, dialect, levels - 1)
         elif path.suffix.lower() in HDF5_SUFFIXES and entry.is_file() and not (dialect and dialect.files):
             yield path

@@ -19,6 +19,7 @@ from fedora_qa.gating.release import find_sequences, inside
 from fedora_qa.record.documents import DocumentKind
 from fedora_qa.record.types import FOLDER, Coverage, Outcome, Record, Tool
 from fedora_qa.storage.digest import whole_digest
+from fedora_qa.storage.folder import is_folder
 
 CERTIFICATE_VERSION: Final = "1.0"
 
@@ -183,7 +184,7 @@ def differences(certificate: Certificate, folder: Path, today: date) -> tuple[st
         if not any(sequence.name.startswith(f"{name}/") for name in certified)
     }
     for name, sha256 in certified.items():
-        if not paths[name].exists():
+        if not (paths[name].exists() or is_folder(paths[name])):
             deviations.append(f"{name} is missing")
         elif whole_digest(paths[name]) != sha256:
             deviations.append(f"{name} was changed")

@@ -11,7 +11,7 @@ from typing import Literal
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect
-from fedora_qa.layout.folder import is_sequence
+from fedora_qa.layout.folder import sequences_in
 from fedora_qa.record.types import FOLDER, FileRecord, Finding, Result, Where
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.server import list_objects
@@ -74,8 +74,10 @@ def find_sequences(folder: Place, patterns: Iterable[str], dialect: Dialect | No
             if any(_matches(PurePosixPath(each.name).parts, PurePosixPath(pattern).parts) for pattern in patterns)
         )
     matching = {path for pattern in patterns for path in folder.glob(pattern)}
-    folders = {path for path in matching if path.is_dir() and path != folder and is_sequence(path, dialect)}
-    paths = folders | {path for path in matching if path.is_file() and folders.isdisjoint(path.parents)}
+    in_folders = {path: sequences_in(path, dialect) for path in matching if path.is_dir() and path != folder}
+    folders = {path for path, sequences in in_folders.items() if sequences}
+    files = {path for path in matching if path.is_file() and folders.isdisjoint(path.parents)}
+    paths = files.union(*in_folders.values())
     names = sorted(path.relative_to(folder).as_posix() for path in paths)
     return tuple(
         SequenceFile(name, inside(folder, name))

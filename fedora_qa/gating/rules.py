@@ -18,7 +18,7 @@ from fedora_qa.record.types import FOLDER, FileRecord, Where
 from fedora_qa.record.wording import number, place
 from fedora_qa.sequence.declared import Camera, Lens
 from fedora_qa.storage.digest import whole_digest
-from fedora_qa.storage.folder import list_files
+from fedora_qa.storage.folder import is_folder, list_files, root_of
 from fedora_qa.storage.place import Place
 
 ContentsByName = Mapping[str, Contents]
@@ -245,9 +245,10 @@ def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) ->
         elif line.strip():
             message = f"Expected a digest and a name in line {line_number} of {path.name}, got something else"
             violations.append(Violation(FOLDER, "unreadable", message))
-    folders = {name for name in digests if (folder / name).is_dir()}
+    folders = {name for name in digests if is_folder(folder / name)}
     for name in sorted(folders):
-        parts = [f"{name}/{file.name}" for file in list_files(folder / name)]
+        root = root_of(folder / name).relative_to(folder)
+        parts = [(root / file.name).as_posix() for file in list_files(folder / name)]
         unlisted = [part for part in parts if part not in listed]
         if unlisted:
             message = f"Expected all {len(parts)} files of the sequence in {path.name}, got no line for {unlisted[0]}"

@@ -1,10 +1,10 @@
 """Match the files of a folder with the roles of a dialect, and keep its HDF5 files open."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 import h5py
@@ -15,11 +15,14 @@ from fedora_qa.sources.arrays import npy_array, npy_frames, npz_array
 from fedora_qa.sources.images import images_of, numbers_of
 from fedora_qa.sources.source import OutsideRows
 from fedora_qa.sources.text import number_table
-from fedora_qa.storage.folder import list_files
+from fedora_qa.storage.folder import DOCUMENTS, list_files, root_of
 from fedora_qa.storage.signature import require_signature
 
 _SHOWN: Final = 2
 """Names of files that a message lists."""
+
+_FEWEST_SEQUENCES: Final = 2
+"""Sequences of a folder that lie side by side."""
 
 _FEWEST_ROLES: Final = 2
 """Of how many roles a folder has files of other formats than HDF5 where it is meant to be a sequence of the dialect."""
@@ -95,14 +98,80 @@ def match_folder(folder: Path, dialect: Dialect, *, is_named: bool = True) -> Ma
     MisuseError
         The first role has no file, or a role of one file has two; the message names the role and the files.
     """
-    by_folder = _names_by_folder(folder)
-    files, problems = _files_of_roles(folder, by_folder, dialect)
+    root, listed = root_of(folder), list_files(folder)
+    by_folder = _names_by_folder(root)
+    others: set[str] = set()
+    if root != folder:
+        together = _side_by_side(by_folder, dialect)
+        if folder.name not in together:
+            raise MisuseError(
+                f"Expected a sequence of the dialect {dialect.name}, got {folder}, which does not exist"
+                + (f"; {root} holds {_listed(together)}" if together else "")
+            )
+        by_folder = together.pop(folder.name)
+        others = {place for names in together.values() for place in _places(names)}
+    files, problems = _files_of_roles(root, by_folder, dialect)
     if problems:
         raise MisuseError(problems[0])
-    used = {place for files_of_role in files.values() for place in files_of_role.places(folder)}
-    every = (f"{inside}/{name}" if inside else name for inside, names in by_folder.items() for name in names)
-    unused = tuple(sorted(name for name in every if name not in used))
-    return MatchedFolder(folder, dialect, files, unused, is_named)
+    used = {place for files_of_role in files.values() for place in files_of_role.places(root)} | others
+    unused = tuple(file.name for file in listed if file.name not in used)
+    return MatchedFolder(root, dialect, files, unused, is_named)
+
+
+def _places(by_folder: Mapping[str, list[str]]) -> Iterator[str]:
+    return (f"{inside}/{name}" if inside else name for inside, names in by_folder.items() for name in names)
+
+
+def _listed(names: Collection[str]) -> str:
+    return " and ".join(list(names)[:_SHOWN]) + (" and others" if len(names) > _SHOWN else "")
+
+
+def _side_by_side(by_folder: Mapping[str, list[str]], dialect: Dialect) -> dict[str, dict[str, list[str]]]:
+    """Return, by name of sequence, the files that have a role in it, where one folder holds several sequences.
+
+    A sequence has the name of which ``*`` in the pattern of the first role takes the place, without separators at its
+    ends. A file of another role belongs to the sequence of the same name. A document belongs to those whose names begin
+    like its own, the longest of several; the only one belongs to all. It is empty where there are fewer than two files
+    of the first role, or none of another, or a file or sequence has no such partner: then two files have one role.
+    """
+    first, *others = (_fitting_first(by_folder, patterns) for patterns in dialect.files.values())
+    names = {name: place for place, name in first.items()}
+    if len(names) < _FEWEST_SEQUENCES or len(names) < len(first) or "" in names or not any(others):
+        return {}
+    files = {name: [place] for name, place in names.items()}
+    for fitting in others:
+        if fitting and all(PurePosixPath(place).suffix.lower() in DOCUMENTS for place in fitting):
+            for name, places in files.items():
+                fits = [place for place, stem in fitting.items() if stem and name.startswith(stem)]
+                if not fits and len(fitting) > 1:
+                    return {}
+                places.append(max(fits or fitting, key=lambda place: len(fitting[place])))
+            continue
+        for place, stem in fitting.items():
+            if stem not in files:
+                return {}
+            files[stem].append(place)
+    together: dict[str, dict[str, list[str]]] = {}
+    for name, places in files.items():
+        own = together.setdefault(name, {})
+        for place in places:
+            inside, _, last = place.rpartition("/")
+            own.setdefault(inside, []).append(last)
+    return together
+
+
+def _fitting_first(by_folder: Mapping[str, list[str]], patterns: Sequence[str]) -> dict[str, str]:
+    """Return what fits the first pattern that anything fits, and for what ``*`` in its last part stands."""
+    for pattern in patterns:
+        if fitting := _fitting(by_folder, pattern):
+            before, _, after = pattern.rpartition("/")[2].partition("*")
+            return {
+                place: PurePosixPath(place).name.removeprefix(before).removesuffix(after).strip("_-. ")
+                if after and not set("*?[") & {*before, *after}
+                else ""
+                for place in _places(fitting)
+            }
+    return {}
 
 
 def _names_by_folder(folder: Path) -> dict[str, list[str]]:
@@ -126,8 +195,10 @@ def _files_of_roles(
         several = form_of(patterns[0]) == "images" or patterns[0].lower().endswith(".npy")
         relative = [f"{inside}/{name}" if inside else name for inside, names in fitting.items() for name in names]
         if len(relative) > 1 and not several:
-            named = " and ".join(relative[:_SHOWN]) + (" and others" if len(relative) > _SHOWN else "")
-            problems.append(f"Expected one file for {role} of the dialect {dialect.name} in {folder}, got {named}")
+            problems.append(
+                f"Expected one file for {role} of the dialect {dialect.name} in {folder}, got {_listed(relative)}; "
+                "give all files of a sequence one name, or move other files out"
+            )
         elif len(fitting) > 1:
             named = " and ".join(sorted(fitting)[:_SHOWN])
             problems.append(f"Expected {role} of the dialect {dialect.name} in one folder, got {named} in {folder}")
@@ -191,9 +262,16 @@ def matched_folder(folder: Path, dialect: Dialect | None) -> MatchedFolder | Non
     MisuseError
         It does not fit the dialect that was named; or it cannot be listed.
     """
+    if root_of(folder) == folder:
+        if dialect is None:
+            return recognise_folder(folder)
+        return match_folder(folder, dialect) if dialect.files else None
+    is_named = dialect is not None
+    # Its neighbours decide with it, so that all sequences of a folder are read in one dialect.
+    dialect = dialect if dialect and dialect.files else _dialect_of_several(folder.parent, dialect)
     if dialect is None:
-        return recognise_folder(folder)
-    return match_folder(folder, dialect) if dialect.files else None
+        raise MisuseError(f"Expected a file or a folder, got a path that does not exist: {folder}")
+    return match_folder(folder, dialect, is_named=is_named)
 
 
 def is_sequence(folder: Path, dialect: Dialect | None) -> bool:
@@ -202,6 +280,40 @@ def is_sequence(folder: Path, dialect: Dialect | None) -> bool:
         return matched_folder(folder, dialect) is not None
     except MisuseError:
         return False
+
+
+def sequences_in(folder: Path, dialect: Dialect | None) -> tuple[Path, ...]:
+    """Return the sequence that a folder is, or ``FOLDER/NAME`` of each of several whose files lie in it side by side.
+
+    It is empty where the folder does not fit the dialect, or, where that is None, none of the package.
+
+    Raises
+    ------
+    MisuseError
+        A role has two files whose names do not name two sequences, or the folder cannot be listed.
+    """
+    if is_sequence(folder, dialect):
+        return (folder,)
+    several = _dialect_of_several(folder, dialect)
+    if several is None:
+        return ()
+    if not (together := _side_by_side(_names_by_folder(folder), several)):
+        match_folder(folder, several)  # raises which role has two files
+    return tuple(folder / name for name in sorted(together))
+
+
+def _dialect_of_several(folder: Path, dialect: Dialect | None) -> Dialect | None:
+    """Return the dialect of which a folder has most roles, where one role has two files; None: of none enough."""
+    by_folder = _names_by_folder(folder)
+    most, best = 0, None
+    for candidate in (dialect,) if dialect else map(load_dialect, DIALECT_NAMES):
+        if not candidate.files or not _fitting_first(by_folder, candidate.files[candidate.first_role]):
+            continue
+        roles = sum(bool(_fitting_first(by_folder, patterns)) for patterns in candidate.files.values())
+        is_meant = dialect is not None or roles >= max(candidate.fewest_roles, _FEWEST_ROLES)
+        if is_meant and roles > most and _files_of_roles(folder, by_folder, candidate)[1]:
+            most, best = roles, candidate
+    return best
 
 
 class OpenFolder:

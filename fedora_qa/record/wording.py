@@ -38,7 +38,7 @@ NOT_RECOGNISED: Final = "layout not recognised"
 
 def not_recognised(path: object) -> str:
     """Return that no dialect describes anything in a file, a folder or an object behind a URL, and what to do."""
-    kind = "folder" if isinstance(path, Path) and path.is_dir() else "file"
+    kind = "folder" if isinstance(path, Path) and not path.is_file() else "file"
     return (
         f"{NOT_RECOGNISED}: no dialect describes anything in the {kind}; draft one with "
         f"`fedora-qa layout {path} --draft-dialect mine.toml`"

@@ -25,7 +25,7 @@ from fedora_qa.layout.resolve import Layout, resolve, unrecognised
 from fedora_qa.record.notebook import html_table, html_text
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import read_declared
-from fedora_qa.storage.folder import Version
+from fedora_qa.storage.folder import Version, is_folder
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.remote_bytes import BLOCK_BYTES, RemoteBytes
 from fedora_qa.storage.server import NO_TRAFFIC, Traffic, version_of
@@ -334,7 +334,7 @@ def open_sequence(
             # From here on ``Sequence.close`` closes both.
             opened.pop_all()
             return sequence
-    if path.is_dir():
+    if is_folder(path):
         return _open_folder(path, dialect, opening_facts, tuple(allow_external))
     require_signature(path)
     external_files = ExternalFiles(folders) if (folders := tuple(allow_external)) else None

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final, Literal
 
-from fedora_qa.storage.folder import Version, list_files, local_version
+from fedora_qa.storage.folder import Version, is_folder, list_files, local_version, root_of
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.remote_bytes import RemoteBytes
 from fedora_qa.storage.server import NO_TRAFFIC, Traffic
@@ -37,8 +37,9 @@ class Digest:
 
 def whole_digest(path: Path) -> str:
     """Return the SHA-256 of all of a file or folder, whatever its size."""
-    if path.is_dir():
-        return _of_list((file.name, whole_digest(path / file.name)) for file in list_files(path))
+    if is_folder(path):
+        root = root_of(path)
+        return _of_list((file.name, whole_digest(root / file.name)) for file in list_files(path))
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -61,10 +62,11 @@ def file_digest(path: Place) -> Digest:
             sha256 = _of_pieces(remote, size_bytes, piece_bytes)
             return Digest(sha256, "partial", remote.version, remote.traffic)
     version = local_version(path)
-    if path.is_dir():
+    if is_folder(path):
         if version.size <= _WHOLE_UP_TO_BYTES:
             return Digest(whole_digest(path), "full", version)
-        listed = ((file.name, _in_large_folder(path / file.name, file.size)) for file in list_files(path))
+        root = root_of(path)
+        listed = ((file.name, _in_large_folder(root / file.name, file.size)) for file in list_files(path))
         return Digest(_of_list(listed), "partial", version)
     if version.size <= _WHOLE_UP_TO_BYTES:
         return Digest(whole_digest(path), "full", version)

@@ -1,9 +1,15 @@
-"""The files of a folder that is read as one sequence, and the version of a file or folder. No file is opened."""
+"""The files of a folder that is read as one sequence, and the version of a file or folder. No file is opened.
+
+A folder may hold the files of several sequences side by side. ``FOLDER/NAME``, where no file has this name, stands for
+the sequence of those whose names have NAME as a word, such as ``NAME_data.h5``. The documents of the folder belong to
+each of them.
+"""
 
 import hashlib
 import os
+import re
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Final
 
 from fedora_qa.errors import MisuseError
@@ -13,6 +19,32 @@ MOST_FILES: Final = 200_000
 
 DEEPEST: Final = 8
 """Folders within folders; DSEC has three."""
+
+DOCUMENTS: Final = frozenset({".yaml", ".yml", ".toml", ".json"})
+"""Endings of names of documents, such as a calibration, which several sequences may share."""
+
+
+def is_folder(path: Path) -> bool:
+    """Whether a path is a folder, or stands for those of its files whose names have the last part of the path."""
+    return path.is_dir() or (path.parent.is_dir() and not os.path.lexists(path) and _has_names_of(path))
+
+
+def root_of(path: Path) -> Path:
+    """Return the folder to which the names of ``list_files`` are relative."""
+    return path if path.is_dir() or not is_folder(path) else path.parent
+
+
+def _has_names_of(path: Path) -> bool:
+    try:
+        return any(_is_of(path.name, file.name) for file in path.parent.iterdir())
+    except OSError:
+        return False  # opening it raises the reason
+
+
+def _is_of(sequence: str, name: str) -> bool:
+    """Whether a file's name has that of a sequence as a word: ``run1_data.h5`` that of ``run1``, not of ``run``."""
+    letter = "[0-9A-Za-z]"
+    return re.search(f"(?<!{letter}){re.escape(sequence)}(?!{letter})", name) is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +57,7 @@ class FolderFile:
 
 
 def list_files(folder: Path) -> tuple[FolderFile, ...]:
-    """Return the regular files below a folder, in the order of their names.
+    """Return the regular files below a folder, in the order of their names; or those of one sequence in it.
 
     Hidden files and folders are left out: programs keep their own there. A link to a file counts as that file if it
     lies in the folder as well. Links to folders, and links that lead out, are left out: a folder must not decide which
@@ -36,6 +68,12 @@ def list_files(folder: Path) -> tuple[FolderFile, ...]:
     MisuseError
         There is no such folder, it may not be read, or it holds more than ``MOST_FILES``.
     """
+    if not folder.is_dir() and is_folder(folder):
+        return tuple(
+            file
+            for file in list_files(folder.parent)
+            if _is_of(folder.name, file.name) or PurePosixPath(file.name).suffix.lower() in DOCUMENTS
+        )
     files: list[FolderFile] = []
     root = Path(os.path.realpath(folder))
     waiting = [("", 0)]
@@ -84,7 +122,7 @@ def local_version(path: Path) -> Version:
     MisuseError
         It is a folder that cannot be listed.
     """
-    if path.is_dir():
+    if is_folder(path):
         files = list_files(path)
         facts = "".join(f"{file.name}\0{file.size}\0{file.changed_ns}\n" for file in files)
         return Version(sum(file.size for file in files), hashlib.sha256(facts.encode()).hexdigest())

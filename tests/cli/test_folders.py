@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -299,3 +300,90 @@ def test_extract_takes_files_only(fedora_qa: Command, dsec: Path, tmp_path: Path
     assert done.code == 2
     assert "Expected one HDF5 file, got a folder" in done.err
     assert not (tmp_path / "out.h5").exists()
+
+
+def write_m3ed(folder: Path, name: str) -> None:
+    """Write the events and the poses of a sequence under its name."""
+    folder.mkdir(exist_ok=True)
+    with h5py.File(folder / f"{name}_data.h5", "w") as data:
+        for key, values in (("x", [1, 2]), ("y", [3, 4]), ("t", [10, 20]), ("p", [1, 0])):
+            data[f"prophesee/left/{key}"] = np.array(values)
+        data["ovc/ts"] = np.array([0])
+    with h5py.File(folder / f"{name}_pose_gt.h5", "w") as pose:
+        pose["Cn_T_C0"] = np.tile(np.eye(4), (2, 1, 1))
+        pose["ts"] = np.array([0, 20])
+
+
+@pytest.fixture
+def flat(tmp_path: Path) -> Path:
+    folder = tmp_path / "release/flat"
+    folder.parent.mkdir()
+    for name in ("car_1", "car_2"):
+        write_m3ed(folder, name)
+    return folder
+
+
+@pytest.mark.parametrize(("dialect", "jobs"), [((), "2"), (("--dialect", "m3ed"), "1")], ids=["recognised", "named"])
+def test_sequences_side_by_side(
+    fedora_qa: Command, flat: Path, dialect: tuple[str, ...], jobs: str, tmp_path: Path
+) -> None:
+    """Of a folder with files of several sequences each name is one, from above, in it, and by its own name."""
+    wanted = ("--select", "integrity.readable", *dialect, "--jobs", jobs, "--json", tmp_path / "record.json")
+    for arguments in ((flat.parent,), (flat,), (flat / "car_1", flat / "car_2")):
+        done = fedora_qa("check", *arguments, *wanted)
+        assert done.code == 0, done.out + done.err
+        files = read_record(tmp_path / "record.json").files
+        assert [Path(file.path) for file in files] == [flat / "car_1", flat / "car_2"]
+        assert {file.dialect for file in files} == {"m3ed"}
+        assert files[0].inferred["files.pose"] == "car_1_pose_gt.h5"
+        assert "layout.unused" not in files[0].inferred
+        assert files[0].size == sum(path.stat().st_size for path in flat.glob("car_1*"))
+    missing = fedora_qa("check", flat / "car", *wanted)
+    assert missing.code == 2
+    assert "does not exist" in missing.err
+
+
+def test_commands_take_a_sequence_beside_others(fedora_qa: Command, flat: Path, tmp_path: Path) -> None:
+    """``layout`` names the sequences; ``stats``, ``compare`` and ``export`` read one; no output may lie beside them."""
+    shown = fedora_qa("layout", flat)
+    assert shown.code == 2
+    assert f"name one of {flat / 'car_1'}, {flat / 'car_2'}" in shown.err
+    assert "Cn_T_C0" in fedora_qa("layout", flat / "car_1").out
+    assert fedora_qa("check", flat / "car_1", "--json", flat / "out.json").code == 2
+    assert fedora_qa("stats", flat / "car_1").code == 0
+    compared = fedora_qa("compare", flat / "car_1", flat / "car_2")
+    assert compared.code in {0, 1}, compared.err
+    exported = fedora_qa("export", flat / "car_1", "--to", "tum", tmp_path / "out.txt")
+    assert exported.code == 0, exported.err
+
+
+def test_two_files_for_one_role_without_a_dialect(fedora_qa: Command, flat: Path) -> None:
+    """The sentence names the role and both files, also where the folder lies in another."""
+    shutil.copy(flat / "car_1_pose_gt.h5", flat / "old_pose_gt.h5")
+    for path in (flat, flat.parent):
+        done = fedora_qa("check", path)
+        assert done.code == 2
+        assert "Expected one file for data of the dialect m3ed" in done.err
+        assert "give all files of a sequence one name, or move other files out" in done.err
+    (flat / "car_2_data.h5").unlink()
+    (flat / "car_2_pose_gt.h5").unlink()
+    assert "pose of the dialect m3ed" in fedora_qa("check", flat).err
+
+
+def test_gate_takes_sequences_side_by_side(fedora_qa: Command, flat: Path, tmp_path: Path) -> None:
+    """Each is one of the release; the certificate names it, and a change of its files breaks it."""
+    policy = tmp_path / "policy.toml"
+    policy.write_text(
+        'ruleset_version = "2"\nfiles = ["*", "**/*.h5"]\nrequired_streams = ["pose", "events"]\n'
+        '[check]\nselect = ["integrity.readable"]\n'
+    )
+    written = ("--json", tmp_path / "r.json", "--certificate", tmp_path / "c.json")
+    done = fedora_qa("gate", flat.parent, "--policy", policy, *written)
+    assert done.code == 0, done.out + done.err
+    names = [Path(file.path).name for file in read_record(tmp_path / "r.json").files]
+    assert names[:2] == ["car_1", "car_2"]
+    verified = fedora_qa("verify", tmp_path / "c.json", flat.parent)
+    assert verified.code == 0, verified.out
+    with h5py.File(flat / "car_1_pose_gt.h5", "a") as pose:
+        pose["ts"][1] = 21
+    assert fedora_qa("verify", tmp_path / "c.json", flat.parent).code != 0

@@ -11,10 +11,12 @@ import pytest
 
 from fedora_qa.errors import MisuseError, NotHdf5Error, UnreadableRowsError
 from fedora_qa.layout.dialect import load_dialect
-from fedora_qa.layout.folder import match_folder, matched_folder, recognise_folder
+from fedora_qa.layout.folder import match_folder, matched_folder, recognise_folder, sequences_in
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.sources import images
 from fedora_qa.sources.images import ImageForm, read_image
+from fedora_qa.storage.digest import file_digest
+from fedora_qa.storage.folder import local_version
 from tests.support.dsec_folder import write_dsec_folder, write_png
 from tests.support.handmade import write_handmade
 
@@ -204,3 +206,95 @@ def test_twenty_thousand_images_open_in_two_seconds(name_of: Callable[[int], str
         spent_s = time.process_time() - began_s
         assert sequence.layout.bindings["path/rgb"].rows == 20_000
     assert spent_s < 2.0
+
+
+MVSEC = ("a1_data.hdf5", "a1_gt.hdf5", "b2_data.hdf5", "b2_gt.hdf5")
+M3ED = ("a_data.h5", "a_pose_gt.h5", "b_data.h5", "b_depth_gt.h5")
+
+
+def touch(folder: Path, *names: str) -> Path:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+    return folder
+
+
+@pytest.mark.parametrize("name", ["named", "recognised"])
+@pytest.mark.parametrize(
+    ("names", "dialect_name", "sequences"),
+    [
+        pytest.param((*MVSEC, "camchain-imucam-a.yaml"), "mvsec", {"a1": 3, "b2": 3}, id="one calibration"),
+        pytest.param(
+            (*MVSEC, "camchain-imucam-a.yaml", "camchain-imucam-b.yaml", "camchain-imucam-a1.yaml"),
+            "mvsec",
+            {"a1": 3, "b2": 3},
+            id="a calibration a scene",
+        ),
+        pytest.param((*MVSEC, "c/camchain-imucam-a.yaml"), "mvsec", {"a1": 2, "b2": 2}, id="none"),
+        pytest.param((*MVSEC[:3], "camchain-imucam-a.yaml"), "mvsec", {"a1": 3, "b2": 2}, id="one without truth"),
+        pytest.param(M3ED, "m3ed", {"a": 2, "b": 2}, id="other roles"),
+        pytest.param((*M3ED, "a_b_data.h5"), "m3ed", {"a": 2, "a_b": 1, "b": 2}, id="a longer name"),
+    ],
+)
+def test_sequences_side_by_side(
+    names: tuple[str, ...], dialect_name: str, sequences: dict[str, int], name: str, tmp_path: Path
+) -> None:
+    """A folder with files of several sequences is a sequence for each name; a document is shared by all."""
+    folder = touch(tmp_path / "flat", *names)
+    dialect = load_dialect(dialect_name) if name == "named" else None
+    assert sequences_in(folder, dialect) == tuple(folder / each for each in sequences)
+    for each, roles in sequences.items():
+        matched = matched_folder(folder / each, dialect)
+        assert matched is not None
+        assert (matched.folder, matched.dialect.name, len(matched.files)) == (folder, dialect_name, roles)
+        assert all(each in place or "camchain" in place for place in matched.in_words().values())
+        assert not {place for place in matched.unused if place.startswith(tuple("ab"))} - {"a_b_data.h5"}
+    for calibration in {"camchain-imucam-a1.yaml"} & set(names):
+        matched = matched_folder(folder / "a1", dialect)
+        assert matched is not None
+        assert matched.place("calibration") == calibration
+
+
+@pytest.mark.parametrize("name", ["named", "recognised"])
+@pytest.mark.parametrize(
+    ("names", "dialect_name", "files"),
+    [
+        (("a_data.h5", "a_pose_gt.h5", "old_pose_gt.h5"), "m3ed", "pose of .* got a_pose_gt.h5 and old_pose_gt.h5"),
+        ((*M3ED, "c_pose_gt.h5"), "m3ed", "data of .* got a_data.h5 and b_data.h5"),
+        (
+            (*MVSEC, "camchain-imucam-a.yaml", "camchain-imucam-x.yaml"),
+            "mvsec",
+            "data of .*, got a1_data.hdf5 and b2_d",
+        ),
+    ],
+)
+def test_names_that_do_not_pair_up(
+    names: tuple[str, ...], dialect_name: str, files: str, name: str, tmp_path: Path
+) -> None:
+    """Two files for one role are named, whether or not the dialect is."""
+    folder = touch(tmp_path / "flat", *names)
+    with pytest.raises(MisuseError, match=f"Expected one file for {files}.*; give all files of a sequence one name"):
+        sequences_in(folder, load_dialect(dialect_name) if name == "named" else None)
+
+
+def test_files_without_a_partner_are_no_sequences_of_several_files(tmp_path: Path) -> None:
+    """Files that have the name of one role only are checked each by itself; a path without files is none."""
+    folder = touch(tmp_path / "flat", "a_data.h5", "b_data.h5")
+    assert sequences_in(folder, None) == ()
+    with pytest.raises(MisuseError, match=r"a path that does not exist: .*/flat/a"):
+        matched_folder(folder / "a", None)
+    with pytest.raises(MisuseError, match=r"which does not exist; .*flat holds a and b"):
+        match_folder(touch(folder, "a_pose_gt.h5") / "data", load_dialect("m3ed"))
+
+
+def test_each_of_several_has_its_version_and_digest(tmp_path: Path) -> None:
+    """A change of one leaves the others as they were; a calibration belongs to all."""
+    folder = touch(tmp_path / "flat", *MVSEC, "camchain-imucam-a.yaml")
+    before = {name: (local_version(folder / name), file_digest(folder / name).sha256) for name in ("a1", "b2")}
+    (folder / "a1_gt.hdf5").write_bytes(b"1")
+    after = {name: (local_version(folder / name), file_digest(folder / name).sha256) for name in ("a1", "b2")}
+    assert after["b2"] == before["b2"]
+    assert after["a1"][0] != before["a1"][0]
+    assert after["a1"][1] != before["a1"][1]
+    (folder / "camchain-imucam-a.yaml").write_bytes(b"1")
+    assert file_digest(folder / "b2").sha256 != before["b2"][1]
