@@ -13,7 +13,10 @@ What is named here is imported when it is used, so that importing the package co
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+
+from fedora_qa.compiled_cache import choose_cache_folder
 
 if TYPE_CHECKING:
     from fedora_qa.api.check import CheckedRecord, check, read_record
@@ -63,6 +66,11 @@ _HOMES: Final = {
     "score": "fedora_qa.api.score",
     "stats": "fedora_qa.api.stats",
 }
+
+
+# Before Numba is imported, which reads its environment then.
+TEMPORARY_CACHE: Final = choose_cache_folder(Path(__file__).parent)
+"""Folder of compiled loops that is removed at exit; None where they are kept."""
 
 
 def __getattr__(name: str) -> Any:

@@ -40,7 +40,7 @@ from fedora_qa.layout.folder import is_sequence, sequences_in
 from fedora_qa.record.evidence import MOMENTS, TRAJECTORY
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.wording import not_recognised
-from fedora_qa.storage.folder import is_folder, list_files
+from fedora_qa.storage.folder import is_folder, list_files, require_readable
 
 _RECORD: Final = ".json"
 
@@ -148,6 +148,8 @@ def sources_of(paths: Sequence[Path], dialect: Dialect | None = None) -> tuple[S
     for source in sources:
         if not source.holds_records:
             require_hdf5([path for path in source.paths if not is_folder(path)])
+            for path in filter(is_folder, source.paths):
+                require_readable(path)
         elif not source.paths[0].is_file():
             raise MisuseError(f"Expected a record at {source.path}, got no such file")
     return tuple(sources)

@@ -15,9 +15,10 @@ from typing import Final
 import click
 from click.shell_completion import shell_complete
 
-from fedora_qa import __version__
+from fedora_qa import TEMPORARY_CACHE, __version__
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
 from fedora_qa.cli.startup import START_TIME, LazyGroup, preload_workers
+from fedora_qa.compiled_cache import CACHE_VARIABLE
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
 from fedora_qa.record.wording import unobeyed
 
@@ -85,6 +86,12 @@ def main() -> None:
     if instruction:
         sys.exit(shell_complete(fedora_qa, {}, PROGRAM, COMPLETION_VARIABLE, instruction))
     arguments = sys.argv[1:]
+    if TEMPORARY_CACHE and arguments and arguments[0] in COMMANDS:
+        click.echo(
+            "fedora-qa: compiled loops cannot be kept on this machine, so that each run compiles them anew; set "
+            f"{CACHE_VARIABLE} to a folder of your own",
+            err=True,
+        )
     preload_workers(arguments)
     sys.exit(run(arguments))
 

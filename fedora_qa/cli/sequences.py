@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Final
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.storage.folder import is_folder, list_files
+from fedora_qa.storage.folder import is_folder, list_files, require_readable
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.server import list_objects
 from fedora_qa.storage.signature import require_signature
@@ -37,7 +37,8 @@ def sequences_of(places: Sequence[Place], choice: "DialectChoice") -> tuple[Plac
     Raises
     ------
     MisuseError
-        A path is missing, given twice, or not HDF5; or a folder can be read in two ways, or has no files.
+        A path is missing, given twice, or not HDF5, or a file of a folder may not be read; or a folder can be read in
+        two ways, or has no files.
     """
     from fedora_qa.layout.dialect import split_choice  # noqa: PLC0415 - loads HDF5
     from fedora_qa.layout.folder import matched_folder  # noqa: PLC0415 - loads HDF5
@@ -54,6 +55,9 @@ def sequences_of(places: Sequence[Place], choice: "DialectChoice") -> tuple[Plac
         else:
             sequences.append(place)
     require_hdf5([place for place in sequences if not (isinstance(place, Path) and is_folder(place))])
+    for place in sequences:
+        if isinstance(place, Path) and is_folder(place):
+            require_readable(place)
     _require_each_once(sequences, "sequence")
     return tuple(sequences)
 

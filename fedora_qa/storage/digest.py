@@ -5,12 +5,14 @@ in hexadecimal, two spaces, the name and a line break, as ``sha256sum`` prints t
 """
 
 import hashlib
-from collections.abc import Iterable
-from contextlib import closing
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
 from typing import BinaryIO, Final, Literal
 
+from fedora_qa.errors import MisuseError
 from fedora_qa.storage.folder import Version, is_folder, list_files, local_version, root_of
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.remote_bytes import RemoteBytes
@@ -35,12 +37,22 @@ class Digest:
     traffic: Traffic = NO_TRAFFIC
 
 
+@contextmanager
+def _opened(path: Path) -> Iterator[BufferedReader]:
+    """Open a file; raises ``MisuseError`` where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            yield file
+    except OSError as error:
+        raise MisuseError(f"Expected a readable file, got {error.strerror or error}: {path}") from error
+
+
 def whole_digest(path: Path) -> str:
-    """Return the SHA-256 of all of a file or folder, whatever its size."""
+    """Return the SHA-256 of all of a file or folder, of any size; raises ``MisuseError`` where it is unreadable."""
     if is_folder(path):
         root = root_of(path)
         return _of_list((file.name, whole_digest(root / file.name)) for file in list_files(path))
-    with path.open("rb") as file:
+    with _opened(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -70,14 +82,14 @@ def file_digest(path: Place) -> Digest:
         return Digest(_of_list(listed), "partial", version)
     if version.size <= _WHOLE_UP_TO_BYTES:
         return Digest(whole_digest(path), "full", version)
-    with path.open("rb") as file:
+    with _opened(path) as file:
         return Digest(_of_pieces(file, version.size, _PIECE_BYTES), "partial", version)
 
 
 def _in_large_folder(path: Path, size_bytes: int) -> str:
     if size_bytes <= _PIECES * _FOLDER_PIECE_BYTES:
         return whole_digest(path)
-    with path.open("rb") as file:
+    with _opened(path) as file:
         return _of_pieces(file, size_bytes, _FOLDER_PIECE_BYTES)
 
 

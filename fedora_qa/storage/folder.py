@@ -101,6 +101,14 @@ def list_files(folder: Path) -> tuple[FolderFile, ...]:
     return tuple(sorted(files, key=lambda file: file.name))
 
 
+def require_readable(folder: Path) -> None:
+    """Raise ``MisuseError`` where a file of a folder, or of one sequence in it, may not be read."""
+    root = root_of(folder)
+    for file in list_files(folder):
+        if not os.access(root / file.name, os.R_OK):
+            raise MisuseError(f"Expected a readable file, got Permission denied: {root / file.name}")
+
+
 @dataclass(frozen=True, slots=True)
 class Version:
     """Size in bytes, and what else changes with the content.

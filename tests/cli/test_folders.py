@@ -1,6 +1,7 @@
 """Folders as arguments: one sequence, many, or what is wrong, in one sentence and with the right exit code."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +10,9 @@ import h5py
 import numpy as np
 import pytest
 
+from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import read_record
+from fedora_qa.storage.digest import file_digest
 from tests.cli.conftest import Command
 from tests.support.dsec_folder import write_dsec_folder, write_png
 from tests.support.handmade import write_handmade
@@ -387,3 +390,34 @@ def test_gate_takes_sequences_side_by_side(fedora_qa: Command, flat: Path, tmp_p
     with h5py.File(flat / "car_1_pose_gt.h5", "a") as pose:
         pose["ts"][1] = 21
     assert fedora_qa("verify", tmp_path / "c.json", flat.parent).code != 0
+
+
+@pytest.mark.parametrize(
+    "name", ["images/left/rectified/*", "images/timestamps.txt", "calibration/*", "events/left/e*"]
+)
+def test_a_file_that_may_not_be_read(
+    name: str, fedora_qa: Command, dsec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One sentence names it, before any work; whoever may read all files is stopped where the digest reads it."""
+    file = sorted(dsec.glob(name))[0]
+    may_access = os.access
+    monkeypatch.setattr("os.access", lambda path, mode: Path(path) != file and may_access(path, mode))
+    for command in (
+        ("check", *LAYOUT, dsec),
+        ("stats", dsec),
+        ("compare", dsec, shutil.copytree(dsec, tmp_path / "b")),
+    ):
+        refused = fedora_qa(*command)
+        assert refused.code == 2
+        assert refused.err.strip() == f"fedora-qa: Expected a readable file, got Permission denied: {file}"
+
+
+def test_a_digest_of_what_cannot_be_read(dsec: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that fails while it is read, as on a damaged disk, is named."""
+
+    def fail(path: Path, mode: str) -> None:
+        raise OSError(5, "Input/output error", str(path))
+
+    monkeypatch.setattr(Path, "open", fail)
+    with pytest.raises(MisuseError, match=r"^Expected a readable file, got Input/output error: .*yaml$"):
+        file_digest(dsec)
