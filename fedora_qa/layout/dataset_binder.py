@@ -164,6 +164,7 @@ class DatasetBinder:
                     form = form_of_members(dataset, place.members, path)
                     path = f"{path} ({listed(place.members)})"
                 _require_readable_type(spec, form, path)
+                _require_depth(place, form, path)
                 _require_shape(spec, place, form, path)
                 require_filters(dataset, path)
                 require_bounded(spec, dataset, path)
@@ -223,6 +224,7 @@ class DatasetBinder:
         if columns is None and len(place.stored_shape(spec)) == 1 and len(source.shape) == 2 and source.shape[1] == 1:
             columns, place = (0,), replace(place, columns=(0,))
         _require_readable_type(spec, source, path)
+        _require_depth(place, source, path)
         _require_shape(spec, place, source, path)
         # The bounds of HDF5, but for those of its storage: a source itself compares what a file states with its bytes.
         require_bounded_shape(spec, source.shape, path)
@@ -378,6 +380,13 @@ def _require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset | OutsideRow
     numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None and dataset.dtype.itemsize <= 8
     if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):
         message = f"Expected {path} as {spec.dtype}, got {dataset.dtype}, which cannot be converted safely"
+        raise RefusedError("wrong_dtype", "wrong_dtype", message)
+
+
+def _require_depth(place: DatasetPlace, dataset: h5py.Dataset | OutsideRows | MembersForm, path: str) -> None:
+    """Refuse 8 bits where a conversion reads codes of 16: all of them would be invalid, or far too small."""
+    if place.convert in {"flow16", "disparity16"} and dataset.dtype.itemsize == 1:
+        message = f"Expected {path} of 16 bits, which {place.convert} needs, got 8 bits; write them anew, not scaled"
         raise RefusedError("wrong_dtype", "wrong_dtype", message)
 
 

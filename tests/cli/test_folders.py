@@ -178,6 +178,16 @@ def write_flow_of_8_bits(folder: Path) -> None:
         write_png(path, np.zeros((27, 36), np.uint8))
 
 
+def write_all_flow_of_8_bits(folder: Path) -> None:
+    for path in (folder / "optical_flow/forward").iterdir():
+        write_png(path, np.full((27, 36, 3), 128, np.uint8))
+
+
+def write_all_disparity_of_8_bits(folder: Path) -> None:
+    for path in (folder / "disparity/event").iterdir():
+        write_png(path, np.full((27, 36), 20, np.uint8))
+
+
 def write_letters(folder: Path) -> None:
     (folder / "images/timestamps.txt").write_text("12\ntwelve\n")
 
@@ -200,7 +210,9 @@ def remove_disparity_matrix(folder: Path) -> None:
         (remove_timestamps, 1, "beside images/left/rectified/*.png, got nothing there"),
         (write_another_size, 1, "Expected 000003.png of 36 x 27 pixels, 8-bit colour, got 35 x 27 pixels"),
         (write_another_depth, 1, "8-bit colour, got 36 x 27 pixels, 16-bit colour"),
-        (write_flow_of_8_bits, 1, "Expected optical_flow/forward/"),
+        (write_flow_of_8_bits, 1, "of 16 bits, which flow16 needs, got 8 bits; write them anew"),
+        (write_all_flow_of_8_bits, 1, "of 16 bits, which flow16 needs, got 8 bits; write them anew"),
+        (write_all_disparity_of_8_bits, 1, "of 16 bits, which disparity16 needs, got 8 bits; write them anew"),
         (write_letters, 1, "Expected numbers in every row of timestamps.txt, got other text"),
         (
             remove_disparity_matrix,
