@@ -50,6 +50,7 @@ def import_lines(imported: Imported, output: Path) -> Iterator[str]:
     for name, value in imported.facts.items():
         if isinstance(value, int) and value:
             yield f"    {name}: {value}"
+    yield from imported.unread
 
 
 def _import(source: Path, target: Path, options: ImportOptions, worker: Worker) -> Imported:

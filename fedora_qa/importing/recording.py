@@ -48,6 +48,8 @@ class Recording:
         Whether sensors made it; None: the format does not tell.
     facts
         What is kept as provenance: values of the header, and counts; complete once all blocks are read.
+    unread
+        What else it holds that is not read, in sentences.
     done
         How much of ``size`` is read.
     """
@@ -58,6 +60,7 @@ class Recording:
     cameras: dict[str, Resolution]
     kind: Kind | None = None
     facts: dict[str, str | int] = field(default_factory=dict)
+    unread: tuple[str, ...] = ()
     done: int = 0
 
 

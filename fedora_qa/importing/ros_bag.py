@@ -47,6 +47,9 @@ DEFAULT_TOPICS: Final[TopicMap] = MappingProxyType(
 
 _TOPICS_SHOWN = 8
 
+_COMPRESSED: Final = "sensor_msgs/msg/CompressedImage"
+"""Images of a stream that are not read."""
+
 _DESERIALISED: Final = frozenset(type_name for types, _ in READERS.values() for type_name in types)
 """Types of which objects are made."""
 
@@ -94,7 +97,7 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
             )
         streams = {name: stream for stream, name in chosen.items()}
         for topic, stream in streams.items():
-            types = EVENT_ARRAYS | EVENT_PACKETS if stream == "events" else READERS[stream][0]
+            types = _types_of(stream)
             for other in sorted(bag.types[topic] - types):
                 raise MisuseError(
                     f"Expected {stream} of the type {' or '.join(sorted(types))} in {topic}, got {other}; map another "
@@ -106,9 +109,31 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
             size=bag.message_count(streams),
             cameras={"events": resolution} if resolution else {},
             facts={f"topic.{stream}": topic for stream, topic in chosen.items()},
+            unread=tuple(_unread(bag, chosen)),
         )
         recording.blocks = _blocks(path, bag, streams, recording)
         yield recording
+
+
+def _unread(bag: "_Bag", chosen: Mapping[str, str]) -> Iterator[str]:
+    """Yield which other topics of a bag have messages of streams, in sentences."""
+    for topic, types in sorted(bag.types.items()):
+        count = bag.message_count({topic})
+        streams = [stream for stream in DEFAULT_TOPICS if types & _types_of(stream)]
+        is_compressed = _COMPRESSED in types
+        if topic in chosen.values() or not count or not (streams or is_compressed):
+            continue
+        held = f"{count} message{'s' * (count != 1)} of {' and '.join(sorted(types))}"
+        if is_compressed:
+            yield f"{topic} has {held}, which are not read; record the topic of the images themselves"
+        elif len(streams) == 1 and (read := chosen.get(streams[0])):
+            yield f"{streams[0]}: {read} is read, and not {topic}, which has {held}; choose with --topics FILE.toml"
+        else:
+            yield f"{topic} has {held} and is not read; map it to a stream with --topics FILE.toml"
+
+
+def _types_of(stream: str) -> frozenset[str]:
+    return EVENT_ARRAYS | EVENT_PACKETS if stream == "events" else READERS[stream][0]
 
 
 def load_topics(path: Path) -> TopicMap:

@@ -101,11 +101,14 @@ class Imported:
         Number of rows of each stream, in the order of the layout.
     facts
         Values of the header, and counts of what was left out.
+    unread
+        What else the recording holds that was not read, in sentences.
     """
 
     format: str
     rows: dict[str, int]
     facts: dict[str, str | int]
+    unread: tuple[str, ...] = ()
 
 
 def import_recording(source: Path, target: Path, options: ImportOptions, report: Progress) -> Imported:
@@ -158,7 +161,7 @@ def import_recording(source: Path, target: Path, options: ImportOptions, report:
         file.raise_failure()
     if local_version(source) != version:
         raise MisuseError(f"Expected {source} to stay as it is, got a change meanwhile; import it again")
-    return Imported(recording.format, rows, recording.facts)
+    return Imported(recording.format, rows, recording.facts, recording.unread)
 
 
 def _open_recording(source: Path, options: ImportOptions) -> AbstractContextManager[Recording]:
@@ -184,6 +187,7 @@ def _provenance(name: str, digest: Digest, recording: Recording, rows: dict[str,
         },
         "rows": rows,
         "facts": recording.facts,
+        **({"unread": recording.unread} if recording.unread else {}),
     }
 
 

@@ -1,5 +1,6 @@
 """Bags that the package ``rosbags`` serialises are read: events from their bytes, all else by the package."""
 
+import json
 import sys
 import tempfile
 from pathlib import Path
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag1 import Writer as Writer1
 
+from fedora_qa.cli.import_ import import_lines
 from fedora_qa.errors import MisuseError
 from fedora_qa.importing.ros1_bag import Ros1Bag
 from fedora_qa.importing.ros_bag import load_topics
@@ -140,6 +142,39 @@ def test_topics_of_ones_own(tmp_path: Path) -> None:
     done = imported(bag.write(tmp_path), tmp_path / "out.h5", options)
     assert done.rows == {"events": 1, "imu": 2}
     assert done.facts == {"topic.events": "/right/events", "topic.imu": "/imu"}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_topics_that_are_not_read_are_named(form: str, tmp_path: Path) -> None:
+    """Of types that are read, where no stream or another topic is read; and images that are compressed."""
+    bag = flight(form)
+    assert imported(bag.write(tmp_path, "whole"), tmp_path / "whole.h5").unread == ()
+    bag.add_events([(9, 9, 9, 1)], topic="/cam0/events")
+    bag.add_image("/right/image", 5, "mono8", COLOURS[..., :1])
+    image = bag.make("sensor_msgs/msg/CompressedImage", bag.header(5), "jpeg", np.zeros(4, np.uint8))
+    for us in (5, 6):
+        bag.add("/camera/rgb/image_raw/compressed", "sensor_msgs/msg/CompressedImage", us, image)
+    done = imported(bag.write(tmp_path), tmp_path / "out.h5")
+    events, plain = "dvs_msgs/msg/EventArray", "sensor_msgs/msg/Image"
+    assert done.unread == (
+        f"events: /dvs/events is read, and not /cam0/events, which has 1 message of {events}; choose with --topics "
+        "FILE.toml",
+        "/camera/rgb/image_raw/compressed has 2 messages of sensor_msgs/msg/CompressedImage, which are not read; "
+        "record the topic of the images themselves",
+        f"/right/image has 1 message of {plain} and is not read; map it to a stream with --topics FILE.toml",
+    )
+    assert tuple(import_lines(done, tmp_path / "out.h5"))[-3:] == done.unread
+    with h5py.File(tmp_path / "out.h5") as file:
+        assert json.loads(file["provenance/import"][()])["unread"] == list(done.unread)
+
+
+def test_events_on_a_topic_of_their_own_are_named(tmp_path: Path) -> None:
+    """A bag whose events are on no usual topic is not taken for one without events."""
+    bag = Bag("ros1")
+    bag.add_imu(5, (0, 0, 0), (0, 0, 0))
+    bag.add_events([(9, 9, 9, 1)], topic="/my/events")
+    (sentence,) = imported(bag.write(tmp_path), tmp_path / "out.h5").unread
+    assert sentence.startswith("/my/events has 1 message of dvs_msgs/msg/EventArray and is not read; map it")
 
 
 @pytest.mark.parametrize(
