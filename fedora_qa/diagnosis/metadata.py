@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint, RectificationRule
+from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint, RectificationRule, StereoFocalLength
 from fedora_qa.checks.metadata.complete import DeclarationDefect
 from fedora_qa.checks.metadata.units import UnitLabel
 from fedora_qa.checks.protocol import Statistic
@@ -79,18 +79,28 @@ def propose_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             return *of_size, outside
         case "size":
             return (Hypothesis("wrong_shape", "metadata", support("metadata.size_of_camera")),)
-        case "T_body_camera_rigid":
-            return (Hypothesis("frame_convention", "metadata", support("metadata.not_rigid")),)
-        case "T_body_camera_handedness":
-            return (Hypothesis("frame_convention", "metadata", support("metadata.mirrors")),)
+        case "T_body_camera_rigid" | "T_body_camera_handedness" as rule:
+            name = "metadata.not_rigid" if rule == "T_body_camera_rigid" else "metadata.mirrors"
+            return (Hypothesis("frame_convention", "metadata", support(name)),)
         case "depth_to_events_centre":
             return (_of_centres_apart(statistic, facts),)
+        case "disparity_focal" | "disparity_baseline":
+            return (_of_stereo(statistic),)
         case "rectify_map" | "rectify_map_defined":
             return (_of_rectify_map(statistic),)
     is_known = bool(transposed(facts).magnitude)
     return (
         transposed_hypothesis(facts) if is_known else Hypothesis("unknown", "metadata", support("metadata.form_of_K")),
     )
+
+
+def _of_stereo(statistic: Statistic) -> Hypothesis:
+    """Return the cause of a matrix of disparity that contradicts the declared cameras."""
+    for feature in statistic.features:
+        if isinstance(feature, StereoFocalLength):
+            supported = support("metadata.disparity_focal")
+            return Hypothesis("intrinsics_focal", "metadata", supported, feature.longer_percent, "percent")
+    return Hypothesis("unknown", "metadata", support("metadata.disparity_baseline"))
 
 
 def _of_centres_apart(statistic: Statistic, facts: Facts) -> Hypothesis:

@@ -61,6 +61,9 @@ DEPTH_RANGE: Final = "metadata/depth_range"
 DISPARITY_TO_DEPTH: Final = "metadata/disparity_to_depth"
 """Not part of the layout: the matrix Q (4, 4) of OpenCV, by which disparity is read as depth."""
 
+T_SECOND_DEPTH: Final = "metadata/T_second_depth"
+"""Not part of the layout: (4, 4), from the depth camera to the second camera of the pair that disparity is between."""
+
 T_POSED_BODY: Final = "metadata/T_posed_body"
 """Not part of the layout: (4, 4), from the body to the frame whose poses are stored, where that is another one."""
 
@@ -75,7 +78,7 @@ _POSE: Final = "path/pose"
 
 METADATA_KEYS: Final = frozenset(
     {f"{owner}/{name}".lstrip("/") for owner, name in ATTRIBUTES}
-    | {DEPTH_RANGE, DISPARITY_TO_DEPTH, T_BODY_IMU, T_POSED_BODY, VERTICAL}
+    | {DEPTH_RANGE, DISPARITY_TO_DEPTH, T_BODY_IMU, T_POSED_BODY, T_SECOND_DEPTH, VERTICAL}
 )
 """What a dialect or a side file may declare."""
 

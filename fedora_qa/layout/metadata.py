@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any, Final
 
 import h5py
@@ -37,11 +38,25 @@ class Supplied:
         Who declares it, in words, for the record.
     problem
         A sentence; empty where there is none.
+    rounding
+        Of a product of matrices, the sum of ``rounding_of`` over its factors.
     """
 
     value: Any
     origin: str
     problem: str = ""
+    rounding: float = 0.0
+
+
+def rounding_of(numbers: Any, value: float = 1.0) -> float:
+    """Return by how much a value of a matrix may differ from what was meant, by the places in which it is stored.
+
+    Half a unit of the last decimal place of the number that has most of them; and 2^-24 of the value, because a matrix
+    may have been stored in float32 on the way.
+    """
+    texts = (Decimal(repr(float(number))).normalize() for number in np.ravel(numbers) if np.isfinite(number))
+    exponents = [exponent for text in texts if isinstance(exponent := text.as_tuple().exponent, int)]
+    return float(0.5 * 10.0 ** min([0, *exponents]) + abs(value) * 2.0**-24)
 
 
 def supplied_declarations(
@@ -68,7 +83,13 @@ def supplied_declarations(
             except (RefusedError, OSError, ValueError) as error:
                 supplied[key] = Supplied(None, origin, f"Expected {key} as {origin} states it, got: {error}")
                 continue
-            supplied[key] = Supplied(value, f"{origin}: {place}" if place else origin)
+            factors = declaration if isinstance(declaration, tuple) else ()
+            rounding = sum(
+                rounding_of(_value(factor, dialect, holder, external_files)[0])
+                for factor in factors
+                if isinstance(factor, MetadataPlace) and factor.value is None
+            )
+            supplied[key] = Supplied(value, f"{origin}: {place}" if place else origin, rounding=rounding)
     partial = {key.rpartition("/")[0] for key in missing - set(supplied) if key.startswith("metadata/cameras/")}
     return {key: made for key, made in supplied.items() if key.rpartition("/")[0] not in partial}
 

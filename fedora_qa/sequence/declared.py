@@ -141,6 +141,30 @@ class PoseModel:
 
 
 @dataclass(frozen=True, slots=True)
+class StereoPair:
+    """What the matrix by which disparity is read as depth states of its two cameras.
+
+    Attributes
+    ----------
+    focal_px
+        Focal length of both, px.
+    baseline_m
+        Distance between their centres, m.
+    declared_baseline_m
+        The same by the mounting of the second camera, m; None where nobody declares it.
+    focal_rounding_px, baseline_rounding_m, declared_rounding_m
+        By how much each may differ from what was meant, by the decimal places in which it is stored.
+    """
+
+    focal_px: float
+    baseline_m: float
+    declared_baseline_m: float | None = None
+    focal_rounding_px: float = 0.0
+    baseline_rounding_m: float = 0.0
+    declared_rounding_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class DeclarationProblem:
     """A part of the metadata that cannot be used as stored.
 
@@ -195,6 +219,8 @@ class Declared:
         Transfer curve of the colour frames.
     rectify_map_px
         (H, W, 2): where the view of the depth camera has each pixel of the event camera, px; None: nobody states it.
+    stereo
+        The pair of cameras that disparity is between; None where depth is not read from it.
     profile
         The profile that the file keeps.
     sequence, world, illumination
@@ -217,6 +243,7 @@ class Declared:
     depth_range_m: tuple[float, float] | None = None
     transfer: Literal["linear", "srgb", "gamma2.2"] = "linear"
     rectify_map_px: NDArray[np.float32] | None = None
+    stereo: StereoPair | None = None
     profile: str | None = None
     sequence: str = ""
     world: str = ""

@@ -21,12 +21,30 @@ from fedora_qa.layout.canonical import (
     is_dataset_key,
 )
 from fedora_qa.layout.decodable import LARGEST_IMAGE_PIXELS
-from fedora_qa.layout.dialect import DEPTH_RANGE, EVENT_MODEL, T_BODY_IMU, UNKNOWN, VERTICAL
+from fedora_qa.layout.dialect import (
+    DEPTH_RANGE,
+    DISPARITY_TO_DEPTH,
+    EVENT_MODEL,
+    T_BODY_IMU,
+    T_SECOND_DEPTH,
+    UNKNOWN,
+    VERTICAL,
+)
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.hdf5_objects import READ_ERRORS, RefusedError, find_object, stored_attribute, text_attribute
+from fedora_qa.layout.metadata import rounding_of
 from fedora_qa.layout.resolve import Layout
-from fedora_qa.sequence.declared import Camera, DeclarationProblem, Declared, EventModel, ImuModel, Lens, PoseModel
+from fedora_qa.sequence.declared import (
+    Camera,
+    DeclarationProblem,
+    Declared,
+    EventModel,
+    ImuModel,
+    Lens,
+    PoseModel,
+    StereoPair,
+)
 
 Values = Mapping[str, Any]
 
@@ -148,6 +166,7 @@ def read_declared(
         flow_model=None if flow is None else flow.get("model", "rigid"),
         depth_range_m=reader.depth_range_m(),
         rectify_map_px=reader.rectify_map_px(cameras.get("events")),
+        stereo=_stereo(layout),
         transfer=(values["path/rgb"] or {}).get("transfer", "linear"),
         profile=root.get("profile"),
         sequence=root.get("sequence", ""),
@@ -165,6 +184,34 @@ def _lever_m(layout: Layout) -> tuple[float, ...]:
     if made is None or made.problem or "imu" not in layout.streams:
         return 0.0, 0.0, 0.0
     return tuple(np.asarray(made.value, np.float64)[:3, 3].tolist())
+
+
+def _stereo(layout: Layout) -> StereoPair | None:
+    """Return the pair of cameras of disparity; a matrix that is none has been refused with the stream."""
+    made, second = layout.supplied.get(DISPARITY_TO_DEPTH), layout.supplied.get(T_SECOND_DEPTH)
+    if made is None or made.problem:
+        return None
+    Q = np.asarray(made.value, np.float64)
+    # (X, Y, Z, W) = Q (x, y, d, 1), W = d / baseline and Z = f, but for a common factor (OpenCV, stereoRectify).
+    if Q.shape != (4, 4) or not np.all(np.isfinite(Q)) or 0 in (Q[0, 0], Q[2, 3], Q[3, 2]) or Q[2, 2] != 0:
+        return None
+    factor = abs(float(Q[0, 0]))
+    focal_px, baseline_m = abs(float(Q[2, 3])) / factor, factor / abs(float(Q[3, 2]))
+    declared_m, declared_rounding_m = None, 0.0
+    translation_m = np.empty(0) if second is None or second.problem else np.asarray(second.value, np.float64)[:3, 3:]
+    if second is not None and translation_m.size == 3 and np.all(np.isfinite(translation_m)):
+        declared_m = float(np.linalg.norm(translation_m))
+        # t = R (R' t'' + t') + t: each rotation turns what is at most that far away, in three products a component.
+        declared_rounding_m = 3.0 * (1.0 + declared_m) * (second.rounding or rounding_of(second.value))
+    return StereoPair(
+        focal_px=focal_px,
+        baseline_m=baseline_m,
+        declared_baseline_m=declared_m,
+        focal_rounding_px=rounding_of(Q, Q[2, 3]) / factor,
+        # b = 1 / c, so that db = b^2 dc.
+        baseline_rounding_m=baseline_m**2 * rounding_of(Q, Q[3, 2]) / factor,
+        declared_rounding_m=declared_rounding_m,
+    )
 
 
 class _Reader:

@@ -12,8 +12,9 @@ from fedora_qa.features import Feature
 from fedora_qa.geometry.lens import border_pixels, pixels_of_rays, rays_of_pixels
 from fedora_qa.geometry.pinhole_fit import fit_pinhole
 from fedora_qa.geometry.so3 import log
+from fedora_qa.layout.metadata import rounding_of
 from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.declared import Camera, Lens
+from fedora_qa.sequence.declared import Camera, Lens, StereoPair
 from fedora_qa.sequence.facts import Facts
 
 Float64 = NDArray[np.float64]
@@ -91,13 +92,27 @@ class PrincipalPoint(Feature):
     from_centre_px: float
 
 
+@dataclass(frozen=True, slots=True)
+class StereoFocalLength(Feature):
+    """The focal length of the depth camera against that by which disparity is read as depth.
+
+    Attributes
+    ----------
+    longer_percent
+        How much longer the camera's is.
+    """
+
+    longer_percent: float
+
+
 class MetadataCameras(FactsCheck):
     """Are the declared cameras possible, and do they match the images?
 
     For each camera: the deviation of K from its form, the deviation of T_body_camera from a rigid motion, and the
     difference of the declared size from that of the images. The distance between the centres of the depth and event
     cameras. Where the file has a map that rectifies events: the largest distance (px) of its entries from the positions
-    that follow from the cameras.
+    that follow from the cameras. Where depth is read from disparity: the differences of the focal length and of the
+    baseline, by which it is, from those of the declared cameras.
 
     Why it matters
     --------------
@@ -115,21 +130,24 @@ class MetadataCameras(FactsCheck):
     ``R_view^T R_events`` and projected there. All entries are compared. Wrong ones are compared with common
     wrong maps: y before x, stored by x before y, the pixels themselves, without the distortion, to the view of ``rgb``,
     applied twice, from the view to the event camera, and the view of whatever pinhole camera fits best. A rule is named
-    if it explains 99% of the deviation. Noted as unusual are such a crop, principal
+    if it explains 99% of the deviation. The matrix Q by which disparity is read as depth, ``Z = f b / d``, has the
+    focal length f of the depth camera, in whose view the disparity is, and the baseline b of the pair, which is the
+    distance of the second camera where its mounting is declared. Noted as unusual are such a crop, principal
     points of another convention than (W-1)/2, pixels that are not square, cameras without any rotation, and cameras
     more than 10 m from the body.
 
     Noise model
     -----------
     Matrices may have been stored in float32: 2^-24 an entry, three products and a sum of R^T R, with a margin of four,
-    give the bound of 1e-6. Entries of a map are rounded to float32. Everything else is exact.
+    give the bound of 1e-6. Entries of a map are rounded to float32. Focal lengths and baselines have half a unit of
+    their last decimal place, and the rounding of float32. Everything else is exact.
 
     Cannot detect
     -------------
     Whether K and T_body_camera are those with which the images were made: ``flow_geometry``, ``flow_photometric``,
     ``depth.consistency`` and ``alignment`` measure that. Whether the distortion is that of the lens. Camera models
     other than the pinhole with radial-tangential or equidistant distortion. A map and a calibration with the same
-    error.
+    error. A matrix Q and a calibration with the same error; the principal point of Q, which no depth depends on.
 
     Sources
     -------
@@ -178,6 +196,9 @@ class MetadataCameras(FactsCheck):
         if facts.declared.rectify_map_px is not None and {"depth", "events"} <= cameras.keys():
             three = cameras["events"], cameras["depth"], cameras.get("rgb")
             statistics += _of_rectify_map(facts.declared.rectify_map_px, *three)
+
+        if facts.declared.stereo is not None and "depth" in cameras and cameras["depth"].lens is None:
+            statistics += _of_stereo(facts.declared.stereo, cameras["depth"])
 
         # What is legal but unusual.
         notices: list[Notice] = []
@@ -274,6 +295,23 @@ def _of_rectify_map(
                      text=f"rectify_map differs from the declared cameras by up to {worst_px:.4g} px, at column "
                      f"{column} and row {row}, and by {np.median(error.distance_px):.4g} px at half of the pixels: "
                      f"{error.text}")  # fmt: skip
+
+
+def _of_stereo(stereo: StereoPair, view: Camera) -> Iterator[Statistic]:
+    """Yield the differences of the matrix of disparity from the view that it is of, and from the second camera."""
+    focal_px = float(view.K[0, 0])
+    off_px = stereo.focal_px - focal_px
+    yield _statistic("depth.disparity_focal", off_px, "px",
+                     model_error_bound=stereo.focal_rounding_px + rounding_of(view.K, focal_px),
+                     features=(StereoFocalLength(100 * (focal_px / stereo.focal_px - 1)),),
+                     text=f"disparity is read as depth by a focal length of {stereo.focal_px:.7g} px, and the depth "
+                     f"camera, in whose view it is, has {focal_px:.7g} px; they must be one")  # fmt: skip
+    declared_m = stereo.declared_baseline_m
+    if declared_m is not None:
+        yield _statistic("depth.disparity_baseline", stereo.baseline_m - declared_m, "m",
+                         model_error_bound=stereo.baseline_rounding_m + stereo.declared_rounding_m,
+                         text=f"disparity is read as depth by a baseline of {stereo.baseline_m:.7g} m, the cameras of "
+                         f"the pair are mounted {declared_m:.7g} m apart")  # fmt: skip
 
 
 def convention_offset_px(camera: Camera) -> float:

@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import h5py
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -17,15 +19,18 @@ from fedora_qa.checks.metadata.cameras import MetadataCameras
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.judgement.judge import exceeds_limit, tolerance_for
+from fedora_qa.layout.metadata import rounding_of
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Camera, Declared
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import open_sequence
 from tests.support.checked import diagnoses_of, rules, run_check
+from tests.support.dsec_folder import write_dsec_folder
 from tests.support.handmade import write_handmade
 
 Floats = NDArray[np.float64]
 Change = Callable[[Floats], Floats]
+Document = dict[str, Any]
 
 
 @pytest.fixture
@@ -281,3 +286,104 @@ def test_no_possible_camera_fails(
         observed = MetadataCameras().examine(facts)
         broken = [m.name for m in observed.measurements if exceeds_limit(m, tolerance_for(1, 1e-4))]
         assert not broken
+
+
+def multiply(numbers: list[float], factor: float) -> list[float]:
+    return [numbers[0] * factor, numbers[1] * factor, *numbers[2:]]
+
+
+def longer_focal(document: Document) -> None:
+    for camera in document["intrinsics"].values():
+        camera["camera_matrix"] = multiply(camera["camera_matrix"], 1.3)
+
+
+def rounded(places: int) -> Callable[[Document], None]:
+    def change(document: Document) -> None:
+        view = document["intrinsics"]["camRect0"]
+        view["camera_matrix"] = [round(number, places) for number in view["camera_matrix"]]
+
+    return change
+
+
+def beyond_rounding(document: Document) -> None:
+    """A tenth of a pixel and a hundredth, where all numbers are written to a tenth."""
+    rounded(1)(document)
+    Q = document["disparity_to_depth"]["cams_03"]
+    Q[2][3] = document["intrinsics"]["camRect0"]["camera_matrix"][0] + 0.11
+
+
+def pair_apart(baseline_m: float) -> Callable[[Document], None]:
+    """The second camera of the pair lies to the right, behind two others, and is turned."""
+
+    def change(document: Document) -> None:
+        for name, angle in (("T_21", 0.1), ("T_32", -0.2)):
+            T = np.eye(4)
+            T[:3, :3] = Rotation.from_euler("y", angle).as_matrix()
+            document["extrinsics"][name] = T.tolist()
+        T_10, T_21, T_32 = (np.array(document["extrinsics"][name]) for name in ("T_10", "T_21", "T_32"))
+        arm = np.eye(4)
+        arm[0, 3] = -baseline_m
+        document["extrinsics"]["T_32"] = (T_32 @ arm @ np.linalg.inv(T_21 @ T_10) @ np.linalg.inv(T_21)).tolist()
+        document["extrinsics"]["T_21"] = (T_21 @ T_21 @ T_10 @ np.linalg.inv(T_10)).tolist()
+
+    return change
+
+
+def scaled(document: Document) -> None:
+    """Homogeneous coordinates of another factor, and the other direction of x, state the same pair."""
+    Q = document["disparity_to_depth"]["cams_03"]
+    document["disparity_to_depth"]["cams_03"] = (-2.0 * np.array(Q)).tolist()
+    document["disparity_to_depth"]["cams_03"][3][2] *= -1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "broken"),
+    [
+        (lambda document: None, []),
+        (longer_focal, ["disparity_focal"]),
+        (rounded(4), []),
+        (rounded(1), []),
+        (rounded(0), []),
+        (beyond_rounding, ["disparity_focal"]),
+        (scaled, []),
+        (pair_apart(0.6), []),
+        (pair_apart(0.601), ["disparity_baseline"]),
+    ],
+)
+def test_disparity_is_of_the_declared_cameras(
+    change: Callable[[Document], None], broken: list[str], path: Path, tmp_path: Path
+) -> None:
+    """Focal length and baseline of Q are those of the depth camera and of the pair, to the places that are stored."""
+    folder = write_dsec_folder(path, tmp_path / "dsec")
+    calibration = folder / "calibration/cam_to_cam.yaml"
+    document = yaml.safe_load(calibration.read_text())
+    change(document)
+    calibration.write_text(yaml.safe_dump(document))
+    named = [rule for rule in rules(run_check(folder, "metadata.cameras")) if rule.startswith("disparity")]
+    assert named == broken
+
+
+def test_a_focal_length_that_disparity_contradicts_is_named(path: Path, tmp_path: Path) -> None:
+    """Its size is that by which the camera's is longer."""
+    folder = write_dsec_folder(path, tmp_path / "dsec")
+    calibration = folder / "calibration/cam_to_cam.yaml"
+    document = yaml.safe_load(calibration.read_text())
+    longer_focal(document)
+    calibration.write_text(yaml.safe_dump(document))
+    (first, *_) = diagnoses_of(folder, "metadata")
+    assert (first.cause, first.magnitude) == ("intrinsics_focal", pytest.approx(30.0))
+
+
+@pytest.mark.parametrize(
+    ("numbers", "value", "expected"),
+    [
+        ([570.12], 0.0, 0.005),
+        ([570.0, 0.0], 0.0, 0.5),
+        ([570.0, 335.5], 0.0, 0.05),
+        ([[1e-3, 2.0]], 2.0, 0.5e-3 + 2.0**-23),
+        ([np.nan, 0.25], 0.0, 0.005),
+    ],
+)
+def test_rounding_of_what_is_stored(numbers: list[float], value: float, expected: float) -> None:
+    """Half a unit of the last decimal place of any number of a matrix, and that of float32 of the value."""
+    assert rounding_of(numbers, value) == pytest.approx(expected)
