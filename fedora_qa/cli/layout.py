@@ -4,6 +4,7 @@ import tomllib
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
+from shlex import quote
 from typing import Final
 
 import h5py
@@ -50,6 +51,8 @@ def run_layout(
         require_new_file(draft_path, [file], force=False, remedy="it may hold corrections; choose another name")
     if not is_folder(file):
         require_hdf5([file])
+    elif not list_files(file):
+        raise MisuseError(f"Expected a sequence, got a folder without files: {file}")
     arguments = (file, dialect_read, draft_path.stem if draft_path else "", external_folders(allow_external))
     description, draft = run_isolated_light(_describe_file, arguments, file, opening_limit_s(_LONGEST_S))
     console = stdout_console()
@@ -95,7 +98,7 @@ def run_layout(
             console.print(Padding(text(line, style), (0, 0, 0, 2), expand=False))
         console.print(Text())
     if not (description.datasets or description.problems or draft_path):
-        remedy = f"draft one with fedora-qa layout {file} --draft-dialect OUT.toml"
+        remedy = f"draft one with fedora-qa layout {quote(str(file))} --draft-dialect OUT.toml"
         console.print(text(f"{NOT_RECOGNISED}: no dialect describes anything in {file.name}; {remedy}"))
     if draft_path:
         write_text(draft_path, draft)

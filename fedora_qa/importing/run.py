@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Any, Final, Literal
 
 import h5py
@@ -223,7 +224,7 @@ def recognise(path: Path) -> RecordingForm:
     if start.startswith(b"\x89HDF"):
         raise MisuseError(
             f"Expected {_READABLE}, got an HDF5 file: {path}; check it as it is, or draft a dialect with "
-            f"fedora-qa layout {path} --draft-dialect mine.toml"
+            f"fedora-qa layout {quote(str(path))} --draft-dialect mine.toml"
         )
     version = re.match(rb"#!AER-DAT([0-9.]+)", start)
     if version:

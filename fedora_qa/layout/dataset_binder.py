@@ -3,6 +3,7 @@
 The functions below state the types and shapes in which a dataset may be stored.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -30,6 +31,7 @@ from fedora_qa.layout.dialect import (
     T_POSED_BODY,
     DatasetPlace,
     Dialect,
+    MetadataPlace,
     scale_of,
 )
 from fedora_qa.layout.external_files import ExternalFiles
@@ -37,6 +39,7 @@ from fedora_qa.layout.folder import OpenFolder
 from fedora_qa.layout.hdf5_objects import READ_ERRORS, RefusedError, find_dataset, reading
 from fedora_qa.layout.members import MembersForm, form_of_members, listed, require_not_compound
 from fedora_qa.layout.metadata import Supplied, small_values
+from fedora_qa.sources.images import number_in
 from fedora_qa.sources.source import OutsideRows, SourceError
 
 _FIRST_ROWS: Final = 1 << 16
@@ -129,6 +132,14 @@ class DatasetBinder:
         if isinstance(self.file, h5py.File) or self.holder(key) is not None:
             return self.path(key)
         return self.file.matched.place(self.place(key).file)
+
+    def name_without_number(self, key: str) -> str:
+        """Return the first image of a dataset without a number that no other has; empty: it is none of images."""
+        files = None if isinstance(self.file, h5py.File) else self.file.matched.files.get(self.place(key).file)
+        if files is None or files.form != "images":
+            return ""
+        counts = Counter(map(number_in, files.names))
+        return next((name for name in files.names if number_in(name) is None or counts[number_in(name)] > 1), "")
 
     def dataset(self, spec: DatasetSpec) -> h5py.Dataset | OutsideRows | None:
         """Open a dataset; None where there is none. Raises ``BrokenDatasetError``."""
@@ -260,12 +271,22 @@ class DatasetBinder:
         made = self.supplied.get(DISPARITY_TO_DEPTH)
         if made is None or made.problem:
             message = made.problem if made else f"Expected {DISPARITY_TO_DEPTH} to read disparity by, got none"
+            if made is None and (missing := self._missing_file(DISPARITY_TO_DEPTH)):
+                message = f"{message}, because there is no {missing} in the folder"
             raise RefusedError("undeclared", "missing_stream", f"{message}; supply it (--metadata)")
         coefficients = depth_from_disparity(np.asarray(made.value, np.float64))
         if coefficients is None:
             message = f"Expected {DISPARITY_TO_DEPTH} as the matrix Q of OpenCV (4 x 4), got another"
             raise RefusedError("undeclared", "unknown", message)
         return replace(conversion, depth_from_disparity=coefficients)
+
+    def _missing_file(self, key: str) -> str:
+        """Return the name of the file that declares a key by the dialect, where a folder lacks it; else nothing."""
+        declaration = self.dialect.metadata.get(key)
+        role = declaration.file if isinstance(declaration, MetadataPlace) else ""
+        if not role or isinstance(self.file, h5py.File) or role in self.file.matched.files:
+            return ""
+        return self.file.matched.place(role)
 
     def _body_imu(self) -> tuple[tuple[float, ...], ...]:
         """Return the rotation from the axes of the IMU to those of the body; raises ``RefusedError``."""

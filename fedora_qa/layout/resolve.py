@@ -309,6 +309,11 @@ class _Finder:
                 present = next(key for key, dataset in datasets.items() if dataset is not None)
                 expected, beside = self.binder.words_of(missing[0]), self.binder.words_of(present)
                 message = f"Expected {expected} beside {beside}, got nothing there"
+                if name := self.binder.name_without_number(missing[0]):
+                    message = (
+                        f"Expected a number of its own at the end of each name of {expected}, which is the timestamp, "
+                        f"got {name}; rename the images, or take {missing[0]} from a file"
+                    )
                 raise BrokenDatasetError(missing[0], RefusedError("missing_stream", "missing_stream", message))
             bound = {spec.key: self.binder.bind(spec, datasets[spec.key]) for spec in specs}
             self._agree_on_sizes(specs, bound)

@@ -6,6 +6,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 from typing import Final
 
 from fedora_qa.causes import CAUSES
@@ -41,7 +42,7 @@ def not_recognised(path: object) -> str:
     kind = "folder" if isinstance(path, Path) and not path.is_file() else "file"
     return (
         f"{NOT_RECOGNISED}: no dialect describes anything in the {kind}; draft one with "
-        f"`fedora-qa layout {path} --draft-dialect mine.toml`"
+        f"`fedora-qa layout {quote(str(path))} --draft-dialect mine.toml`"
     )
 
 

@@ -192,6 +192,10 @@ def write_letters(folder: Path) -> None:
     (folder / "images/timestamps.txt").write_text("12\ntwelve\n")
 
 
+def remove_calibration(folder: Path) -> None:
+    shutil.rmtree(folder / "calibration")
+
+
 def remove_disparity_matrix(folder: Path) -> None:
     path = folder / "calibration/cam_to_cam.yaml"
     path.write_text(path.read_text().replace("cams_03", "cams_12"))
@@ -214,6 +218,7 @@ def remove_disparity_matrix(folder: Path) -> None:
         (write_all_flow_of_8_bits, 1, "of 16 bits, which flow16 needs, got 8 bits; write them anew"),
         (write_all_disparity_of_8_bits, 1, "of 16 bits, which disparity16 needs, got 8 bits; write them anew"),
         (write_letters, 1, "Expected numbers in every row of timestamps.txt, got other text"),
+        (remove_calibration, 1, "got none, because there is no calibration/cam_to_cam.yaml in the folder; supply it"),
         (
             remove_disparity_matrix,
             1,
@@ -433,3 +438,34 @@ def test_a_digest_of_what_cannot_be_read(dsec: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(Path, "open", fail)
     with pytest.raises(MisuseError, match=r"^Expected a readable file, got Input/output error: .*yaml$"):
         file_digest(dsec)
+
+
+def test_names_with_blanks_are_quoted(fedora_qa: Command, tmp_path: Path) -> None:
+    """The drafting command can be copied; an empty folder is refused, and no draft of it is written."""
+    folder = tmp_path / "my run"
+    folder.mkdir()
+    draft = tmp_path / "draft.toml"
+    refused = fedora_qa("layout", folder, "--draft-dialect", draft)
+    assert refused.code == 2
+    assert refused.err.strip() == f"fedora-qa: Expected a sequence, got a folder without files: {folder}"
+    assert not draft.exists()
+    (folder / "notes.txt").write_text("1 2\n")
+    command = f"fedora-qa layout '{folder}' --draft-dialect"
+    for name in ("check", "layout"):
+        assert command in " ".join(fedora_qa(name, folder).out.split())
+
+
+def test_images_whose_names_have_no_times(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
+    """The sentence names the image, and what its name lacks."""
+    images = dsec / "images/left/rectified"
+    for path in images.iterdir():
+        path.rename(images / f"{path.stem}_left.png")
+    dialect = tmp_path / "mine.toml"
+    dialect.write_text(
+        'name = "mine"\n[files]\nimages = "images/left/rectified/*.png"\n[datasets]\n"path/rgb" = { file = "images" }\n'
+        '"path/rgb_ts" = { file = "images", time_unit = "us" }\n'
+    )
+    done = fedora_qa("layout", dsec, "--dialect", dialect)
+    said = " ".join(done.out.split())
+    assert "Expected a number of its own at the end of each name of images/left/rectified/*.png" in said
+    assert "got 000000_left.png; rename the images, or take path/rgb_ts from a file" in said
