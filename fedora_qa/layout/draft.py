@@ -302,28 +302,42 @@ def _events_in_columns(items: Sequence[StoredObject]) -> Iterator[Guess]:
 
 
 def _events_apart(items: Sequence[StoredObject]) -> Iterator[Guess]:
-    flat = {(item.role, item.group, item.name): item for item in items if len(item.shape) == 1 and item.form == "hdf5"}
-    for x in flat.values():
-        if x.name not in _EVENT_NAMES["x"]:
+    """Guess that x, y, t and p of equal length are events: in one group of HDF5, in one NPZ, or as files of a folder."""
+    parts: dict[tuple[str, str, str], StoredObject] = {}
+    for item in items:
+        if len(item.shape) == 1 or item.shape[1:] == (1,) or (len(item.shape) == 2 and item.name.endswith("xy")):
+            # Files of one folder have roles of their own, and often a beginning in common: events_x, events_y.
+            home = f"{item.role}:{item.group}" if item.form == "hdf5" else item.group
+            beginning, _, part = item.name.rpartition("_")
+            parts[home, beginning, part] = item
+    for (home, beginning, name), x in parts.items():
+        is_pair = name == "xy" and x.shape[1:] == (2,)
+        if name not in _EVENT_NAMES["x"] and not is_pair:
             continue
         y, t, p = (
-            next(filter(None, (flat.get((x.role, x.group, name)) for name in _EVENT_NAMES[part])), None)
+            next(filter(None, (parts.get((home, beginning, name)) for name in _EVENT_NAMES[part])), None)
             for part in "ytp"
         )
-        if y is None or t is None or p is None or len({item.shape for item in (x, y, t, p)}) > 1:
+        y = x if is_pair else y
+        if y is None or t is None or p is None or len({item.shape[0] for item in (x, y, t, p)}) > 1:
             continue
-        unit, why = unit_of_timestamps(t.head.astype(np.float64), "events")
+        unit, why = unit_of_timestamps(t.head.astype(np.float64).reshape(-1), "events")
         codes = set(np.unique(p.head.astype(np.float64)))
-        yield Guess("path/events/x", x.place, "its name, beside y, t and p of equal length")
-        yield Guess("path/events/y", y.place, "its name")
+        columns: list[Fields] = [{"columns": [0]}, {"columns": [1]}] if is_pair else [{}, {}]
+        reason = (
+            "its name, beside t and p of equal length" if is_pair else "its name, beside y, t and p of equal length"
+        )
+        yield Guess("path/events/x", {**x.place, **columns[0]}, reason)
+        yield Guess("path/events/y", {**y.place, **columns[1]}, "its name")
         fields: Fields = {**t.place, "time_unit": unit}
         if offset := next((item for item in items if not item.shape and item.role == x.role), None):
             fields["offset_path"], why = offset.path, f"{why}; {offset.path} is taken for what is added"
         yield Guess("path/events/t", fields, why)
         yield Guess("path/events/p", {**p.place, **_polarity(codes)}, _code_reason(codes))
-        for other in flat.values():
-            if other.role == x.role and other.dtype.kind in "iu" and other.name.startswith(_MILLISECONDS):
-                yield Guess(MS_TO_EVENT, other.place, "its name; whole numbers in the file of the events")
+        for other in items:
+            is_map = len(other.shape) == 1 and other.dtype.kind in "iu" and other.name.startswith(_MILLISECONDS)
+            if is_map and other.form == x.form and (other.role == x.role or other.form != "hdf5"):
+                yield Guess(MS_TO_EVENT, other.place, "its name; whole numbers beside the events")
 
 
 def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:

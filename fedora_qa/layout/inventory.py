@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from math import prod
+from pathlib import PurePosixPath
 from typing import Any, Final
 
 import h5py
@@ -66,10 +67,11 @@ class StoredObject:
 
     @property
     def name(self) -> str:
-        """Last part of the address, in lower case; of a vector of members what their names have in common."""
+        """Last part of the address, in lower case, of a file without its ending; of a vector what its members share."""
         if len(self.members) > 1:
             return self.members[0][:-1].strip("_").lower() or "position"
-        return self.address.rsplit("/", 1)[-1].lower()
+        last = self.address.rsplit("/", 1)[-1].lower()
+        return last if self.form == "hdf5" or self.member else PurePosixPath(last).stem
 
     @property
     def group(self) -> str:

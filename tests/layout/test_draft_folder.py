@@ -145,3 +145,40 @@ def test_intrinsics_that_have_names(tmp_path: Path) -> None:
     with open_sequence(folder, load_dialect(path)) as sequence:
         K = sequence.declared.cameras["rgb"].K
     np.testing.assert_array_equal(K, [[9, 0, 4.5], [0, 8, 3.5], [0, 0, 1]])
+
+
+def write_events(folder: Path, form: str) -> dict[str, np.ndarray]:
+    """Write events in a form: a file a part, with or without a beginning in common, in pairs, or in one NPZ."""
+    random = np.random.default_rng(8)
+    events = {
+        "x": random.integers(0, 40, 500).astype(np.uint16),
+        "y": random.integers(0, 30, 500).astype(np.uint16),
+        "t": np.sort(random.uniform(0, 0.4, 500)),
+        "p": (random.integers(0, 2, 500) * 2 - 1).astype(np.int8),
+    }
+    folder.mkdir(exist_ok=True)
+    if form == "npz":
+        np.savez(folder / "events.npz", **events)
+    elif form == "pair":
+        np.save(folder / "events_xy.npy", np.column_stack([events["x"], events["y"]]))
+        np.save(folder / "events_t.npy", events["t"])
+        np.save(folder / "events_p.npy", events["p"])
+    else:
+        for name, values in events.items():
+            np.save(folder / f"{form}{name}.npy", values)
+    return events
+
+
+@pytest.mark.parametrize("form", ["", "events_", "npz", "pair"])
+def test_events_apart(form: str, tmp_path: Path) -> None:
+    """Parts of events in files of their own, or in NPZ, are placed, and read as they were written."""
+    events = write_events(tmp_path / "flight", form)
+    text, path = drafted(tmp_path / "flight", tmp_path)
+    with open_sequence(tmp_path / "flight", load_dialect(path)) as sequence:
+        assert sequence.layout.streams == {"events"}, text
+        np.testing.assert_array_equal(sequence.rows("path/events/x", 0, 500), events["x"])
+        np.testing.assert_array_equal(sequence.rows("path/events/y", 0, 500), events["y"])
+        np.testing.assert_array_equal(sequence.rows("path/events/p", 0, 500), events["p"] > 0)
+        times_s = sequence.rows("path/events/t", 0, 500) / 1e9
+        np.testing.assert_allclose(times_s - times_s[0], events["t"] - events["t"][0], atol=2e-9)
+    assert "Nothing was guessed for" not in text
