@@ -36,6 +36,12 @@ _STEP_NS: Final = {"frames": (1e6, 1e9), "samples": (1e5, 1e8), "events": (0.0, 
 _METRES_BELOW: Final = 200.0
 """A median depth below this is metres, above it millimetres: 200 m is beyond, 20 cm within the depths of a flight."""
 
+_LARGEST_COUNT_STEP: Final = 10
+"""Whole numbers in equal steps up to this may count frames: DSEC counts every second image."""
+
+_LIKE_SPAN: Final = 2.0
+"""Ratio of the spans of two streams up to which they may be of one sequence."""
+
 _GRAVITY: Final = (8.0, 12.0)
 """Median length of specific force, m/s^2, by which an accelerometer is known."""
 
@@ -302,7 +308,7 @@ def _events_in_columns(items: Sequence[StoredObject]) -> Iterator[Guess]:
 
 
 def _events_apart(items: Sequence[StoredObject]) -> Iterator[Guess]:
-    """Guess that x, y, t and p of equal length are events: in one group of HDF5, in one NPZ, or as files of a folder."""
+    """Guess that x, y, t and p of equal length are events: in a group of HDF5, in an NPZ, or as files of a folder."""
     parts: dict[tuple[str, str, str], StoredObject] = {}
     for item in items:
         if len(item.shape) == 1 or item.shape[1:] == (1,) or (len(item.shape) == 2 and item.name.endswith("xy")):
@@ -376,18 +382,28 @@ def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
             continue
         coded = {"convert": "flow16"} if is_coded else {}
         words = "16-bit images of three channels" if is_coded else "two float components"
-        candidates = [other for other in items if other.shape == (item.shape[0], 2) and other.dtype.kind in "iuf"]
+        candidates = [other for other in items if other.shape[:1] == item.shape[:1] and _is_of_intervals(other)]
         if not candidates:
             continue
         timestamps = max(candidates, key=lambda other: _nearness(other, item))
-        lengths = np.diff(timestamps.head.astype(np.float64), axis=1)
+        lengths = np.diff(timestamps.head[:, -2:].astype(np.float64), axis=1)
         for unit in ("us", "ns", "s", "ms"):
             length_s = float(np.median(lengths)) * NS_PER_TIME_UNIT[unit] / NS_PER_S
             if rate := _rate_of(length_s):
                 reason = f"{words}; intervals of {timestamps.path} are 1/{rate} s in {unit}"
                 yield Guess(f"path/flow/{rate}hz", {**item.place, **coded}, reason)
-                fields: Fields = {**timestamps.place, "time_unit": unit}
-                yield Guess(f"path/flow/{rate}hz_ts", fields, f"two columns, as long as {item.path}")
+                columns: Fields = {"columns": [1, 2]} if timestamps.shape[1] == 3 else {}
+                fields: Fields = {**timestamps.place, **columns, "time_unit": unit}
+                reason = "two columns beside one that counts" if columns else "two columns"
+                yield Guess(f"path/flow/{rate}hz_ts", fields, f"{reason}, as long as {item.path}")
+
+
+def _is_of_intervals(item: StoredObject) -> bool:
+    """Whether a table has two columns, or three of which the first counts."""
+    if len(item.shape) != 2 or item.dtype.kind not in "iuf":
+        return False
+    counts = item.form == "text" and item.shape[1] == 3 and _count_step(item.head[:, 0].astype(np.float64)) > 0
+    return item.shape[1] == 2 or counts
 
 
 def _rate_of(length_s: float) -> str:
@@ -434,58 +450,97 @@ def _transformations(items: Sequence[StoredObject]) -> Iterator[Guess]:
 
 
 def _tables(items: Sequence[StoredObject]) -> Iterator[Guess]:
-    """Guess trajectories and IMU samples in tables whose first column is time (TUM, EuRoC)."""
+    """Guess trajectories and IMU samples in tables whose first column is time (TUM, EuRoC), or is beside a count."""
     for item in items:
         head = item.head.astype(np.float64) if item.head.ndim == 2 else np.empty((0, 0))
         if item.form == "hdf5" or len(head) < 2 or head.shape[1] < 7 or not np.all(np.diff(head[:, 0]) > 0):
             continue
-        unit, why = unit_of_timestamps(head[:, 0], "samples")
-        time: Fields = {**item.place, "columns": [0], "time_unit": unit}
+        # A first column that counts is no time where the second one rises.
+        start = int(_count_step(head[:, 0]) > 0 and bool(np.all(np.diff(head[:, 1]) > 0)))
+        unit, why = unit_of_timestamps(head[:, start], "samples")
+        time: Fields = {**item.place, "columns": [start], "time_unit": unit}
+        rising = f"the {'second' if start else 'first'} column, which rises; {why}"
         norms = [np.linalg.norm(head[:, at : at + 4], axis=1) for at in range(head.shape[1] - 3)]
-        at = next((at for at in range(4, len(norms)) if np.allclose(norms[at], 1.0, atol=1e-3)), 0)
+        at = next((at for at in range(start + 4, len(norms)) if np.allclose(norms[at], 1.0, atol=1e-3)), 0)
         if at:
-            yield Guess("path/pose/ts", time, f"the first column, which rises; {why}")
+            yield Guess("path/pose/ts", time, rising)
             place: Fields = {**item.place, "columns": [at - 3, at - 2, at - 1]}
             yield Guess("path/pose/position", place, "the three columns before four of unit length")
             reason = "four columns of unit length; that the order is x, y, z, w does not follow from the values"
             yield Guess("path/pose/orientation", {**item.place, "columns": [at, at + 1, at + 2, at + 3]}, reason)
             continue
-        lengths = [float(np.median(np.linalg.norm(head[:, at : at + 3], axis=1))) for at in (1, 4)]
+        if head.shape[1] < start + 7:
+            continue
+        triples = [[at, at + 1, at + 2] for at in (start + 1, start + 4)]
+        lengths = [float(np.median(np.linalg.norm(head[:, triple], axis=1))) for triple in triples]
         # At rest and in most flights the specific force is near 9.8 m/s^2.
         near = [_GRAVITY[0] < length < _GRAVITY[1] for length in lengths]
         if near in ([True, False], [False, True]):
-            force, turn = ([1, 2, 3], [4, 5, 6]) if near[0] else ([4, 5, 6], [1, 2, 3])
-            yield Guess("path/imu/ts", time, f"the first column, which rises; {why}")
+            force, turn = triples if near[0] else triples[::-1]
+            yield Guess("path/imu/ts", time, rising)
             place = {**item.place, "columns": force}
             yield Guess("path/imu/linear_acceleration", place, f"columns of about {max(lengths):.3g} m/s^2")
             yield Guess("path/imu/angular_velocity", {**item.place, "columns": turn}, "the other three columns")
 
 
 def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: Guess) -> Iterator[Guess]:
-    """Yield the guess, and one for the timestamps of equal length whose name and place are nearest."""
+    """Yield the guess, and one for the timestamps of equal length whose values, name and place are nearest."""
     yield guess
-    candidates: list[StoredObject] = []
+    frames = guess.key in {"path/rgb", "path/depth"}
+    kind = "frames" if frames else "samples"
+    events_ns = _span_of_events_ns(items)
+    candidates: list[tuple[tuple[float, ...], int, StoredObject]] = []
     for other in items:
-        head = other.first_column
-        if head is None or other.shape[0] != item.shape[0] or other.dtype.kind not in "iuf":
+        if other.shape[:1] != item.shape[:1] or other.dtype.kind not in "iuf":
             continue
-        if np.all(np.isfinite(head)) and np.all(np.diff(head) >= 0):
-            candidates.append(other)
+        for number, head in enumerate(other.columns):
+            if not np.all(np.isfinite(head)) or not np.all(np.diff(head) >= 0):
+                continue
+            count = _count_step(head)
+            # A column that counts is no time, unless it is the only one of a file whose name states a time.
+            if count == 1 and (len(other.columns) > 1 or not _is_named_as_time(other)):
+                continue
+            span_ns = other.span(number) * NS_PER_TIME_UNIT[unit_of_timestamps(head, kind)[0]]
+            alike = events_ns > 0 and events_ns / _LIKE_SPAN < span_ns < events_ns * _LIKE_SPAN
+            order = (-1 / count if count else 0.0, *_nearness(other, item)[:1], alike, *_nearness(other, item)[1:])
+            candidates.append(((*order, -number), number, other))
     if candidates:
-        best = max(candidates, key=lambda other: _nearness(other, item))
-        frames = guess.key in {"path/rgb", "path/depth"}
-        unit, why = unit_of_timestamps(np.asarray(best.first_column), "frames" if frames else "samples")
-        column: Fields = {"columns": [0]} if best.shape[1:] not in {(), (1,)} else {}
+        _, number, best = max(candidates, key=lambda candidate: candidate[0])
+        unit, why = unit_of_timestamps(best.columns[number], kind)
+        column: Fields = {"columns": [number]} if best.shape[1:] not in {(), (1,)} else {}
+        why = f"{why}; column {number - 1} counts" if number and _count_step(best.columns[number - 1]) else why
         key = f"{guess.key}_ts" if frames else f"{guess.key.rpartition('/')[0]}/ts"
         yield Guess(key, {**best.place, **column, "time_unit": unit}, f"as long as {item.path}, never falls; {why}")
 
 
+def _count_step(numbers: NDArray[np.float64]) -> int:
+    """Return the step of whole numbers that may be a count of frames; 0 where they are none."""
+    steps = np.diff(numbers)
+    step = float(steps[0]) if len(steps) else 0.0
+    is_count = 1 <= step <= _LARGEST_COUNT_STEP and step.is_integer() and float(numbers[0]).is_integer()
+    return int(step) if is_count and bool(np.all(steps == step)) else 0
+
+
+def _span_of_events_ns(items: Sequence[StoredObject]) -> float:
+    """Return how long the events last, ns; 0 where none are found."""
+    for guess in chain(_events_in_columns(items), _events_apart(items)):
+        if guess.key == "path/events/t":
+            item = next(item for item in items if item.place.items() <= guess.fields.items())
+            columns = guess.fields.get("columns", [0])
+            column = columns[0] if isinstance(columns, list) and isinstance(columns[0], int) else 0
+            return item.span(column) * NS_PER_TIME_UNIT[str(guess.fields["time_unit"])]
+    return 0.0
+
+
+def _is_named_as_time(item: StoredObject) -> bool:
+    return any(word in item.name for word in ("ts", "time", "stamp")) or item.name == "t"
+
+
 def _nearness(timestamps: StoredObject, item: StoredObject) -> tuple[int, int, int]:
     """Return the order of candidates: a name for a time, the common beginning of the paths, the shorter path."""
-    named_as_time = any(word in timestamps.name for word in ("ts", "time", "stamp")) or timestamps.name == "t"
     first, second = timestamps.address, item.address
     common = next((i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a != b), len(second))
-    return int(named_as_time), common, -len(timestamps.address)
+    return int(_is_named_as_time(timestamps)), common, -len(timestamps.address)
 
 
 def _polarity(codes: set[float]) -> Fields:

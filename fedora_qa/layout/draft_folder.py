@@ -148,7 +148,8 @@ def _inventory(folder: Path, role: str, paths: list[Path]) -> Iterator[StoredObj
         if source is not None and source.shape and 0 not in source.shape:
             rows = 1 if len(source.shape) > 2 else min(HEAD_ROWS, source.shape[0])
             path = f"{pattern}/{member}" if member else pattern
-            yield StoredObject(path, source.shape, source.dtype, source.rows(0, rows), role, form, member)
+            tail = source.rows(source.shape[0] - 1, source.shape[0])[0] if len(source.shape) < 3 else None
+            yield StoredObject(path, source.shape, source.dtype, source.rows(0, rows), role, form, member, tail=tail)
 
 
 def _times_of_names(groups: Mapping[str, list[Path]], guesses: Mapping[str, Guess]) -> Iterator[Guess]:

@@ -38,7 +38,7 @@ class StoredObject:
 
     ``path`` is that of a dataset, or the name or pattern of files in a folder. ``role`` is that of the file, and
     ``form`` its format. ``member`` names an array of NPZ, and ``members`` are those of a compound type, of which
-    several are one vector.
+    several are one vector. ``tail`` is the last row, None where it was not read.
     """
 
     path: str
@@ -49,6 +49,7 @@ class StoredObject:
     form: Form = "hdf5"
     member: str = ""
     members: tuple[str, ...] = ()
+    tail: NDArray[Any] | None = None
 
     @property
     def place(self) -> Fields:
@@ -59,11 +60,17 @@ class StoredObject:
         return {**of_role, "path": path, **of_members} if path else of_role
 
     @property
-    def first_column(self) -> NDArray[np.float64] | None:
-        """The first rows as one number each, of text those of the first column; None for other datasets."""
+    def columns(self) -> tuple[NDArray[np.float64], ...]:
+        """The first rows of each column, of text and of single numbers; none for other datasets."""
         if len(self.shape) != 1 and self.form != "text":
-            return None
-        return np.asarray(self.head, np.float64).reshape(len(self.head), -1)[:, 0]
+            return ()
+        return tuple(np.asarray(self.head, np.float64).reshape(len(self.head), -1).T)
+
+    def span(self, column: int) -> float:
+        """Return the last less the first number of a column; 0 where the last was not read."""
+        if self.tail is None:
+            return 0.0
+        return float(self.tail.reshape(-1)[column]) - float(self.head.reshape(len(self.head), -1)[0, column])
 
     @property
     def name(self) -> str:
@@ -108,7 +115,13 @@ def take_inventory(file: h5py.File) -> tuple[StoredObject, ...]:
                 if is_table:
                     items += _members(path, dataset)
                 else:
-                    items.append(StoredObject(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
+                    tail = None
+                    with suppress(RefusedError, *READ_ERRORS):
+                        if len(dataset.shape) < 3:
+                            require_sound_blocks(dataset, len(dataset) - 1, len(dataset))
+                            tail = np.asarray(dataset[-1])
+                    head = np.asarray(dataset[:rows])
+                    items.append(StoredObject(path, dataset.shape, dataset.dtype, head, tail=tail))
     return tuple(items)
 
 

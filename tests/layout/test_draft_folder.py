@@ -182,3 +182,52 @@ def test_events_apart(form: str, tmp_path: Path) -> None:
         times_s = sequence.rows("path/events/t", 0, 500) / 1e9
         np.testing.assert_allclose(times_s - times_s[0], events["t"] - events["t"][0], atol=2e-9)
     assert "Nothing was guessed for" not in text
+
+
+@pytest.mark.parametrize(
+    ("lines", "column", "unit"),
+    [
+        ([f"{n} {25_000 * n}" for n in range(8)], 1, "us"),
+        ([f"{n} {0.05 * n:.6f}" for n in range(8)], 1, "s"),
+        ([f"{2 * n},{50 * n},7" for n in range(8)], 1, "ms"),
+        ([f"{0.05 * n:.6f} {n}" for n in range(8)], 0, "s"),
+        ([f"{n} {n * n} {1000 + 40.5 * n}" for n in range(8)], 2, "ms"),
+    ],
+)
+def test_a_count_beside_times_is_no_time(lines: list[str], column: int, unit: str, tmp_path: Path) -> None:
+    """Which column of a table is time follows from its steps, and from how long the events last."""
+    folder = tmp_path / "flight"
+    (folder / "rgb").mkdir(parents=True)
+    for number in range(8):
+        write_png(folder / f"rgb/{number:04d}.png", np.zeros((8, 10, 3), np.uint8))
+    (folder / "rgb/timestamps.txt").write_text("\n".join(lines))
+    write_events(folder, "npz")
+    text, path = drafted(folder, tmp_path)
+    place = load_dialect(path).datasets["path/rgb_ts"]
+    assert (place.columns, place.time_unit) == ((column,), unit), text
+
+
+def test_a_column_that_counts_alone_is_no_time(tmp_path: Path) -> None:
+    """Frames beside a table whose only rising column counts have no times."""
+    folder = tmp_path / "flight"
+    (folder / "rgb").mkdir(parents=True)
+    for number in range(8):
+        write_png(folder / f"rgb/{number:04d}.png", np.zeros((8, 10, 3), np.uint8))
+    (folder / "labels.txt").write_text("\n".join(f"{n} {n % 3}" for n in range(8)))
+    assert "path/rgb_ts" not in load_dialect(drafted(folder, tmp_path)[1]).datasets
+
+
+def test_a_count_before_a_trajectory_and_before_intervals(tmp_path: Path) -> None:
+    """Tables of poses and of intervals may begin with a count."""
+    folder, random = tmp_path / "flight", np.random.default_rng(6)
+    folder.mkdir()
+    quaternions = Rotation.random(9, random_state=3).as_quat()
+    poses = np.column_stack([np.arange(9), 0.01 * np.arange(9), random.normal(size=(9, 3)), quaternions])
+    np.savetxt(folder / "poses.txt", poses)
+    np.save(folder / "flow.npy", random.normal(size=(4, 8, 10, 2)).astype(np.float32))
+    np.savetxt(folder / "flow_times.txt", [[n, 0.1 * n, 0.1 * n + 0.1] for n in range(4)])
+    with open_sequence(folder, load_dialect(drafted(folder, tmp_path)[1])) as sequence:
+        assert sequence.layout.streams == {"pose", "flow/10hz"}
+        np.testing.assert_allclose(np.diff(sequence.rows("path/pose/ts", 0, 9)), 10_000_000)
+        np.testing.assert_allclose(sequence.rows("path/pose/position", 0, 9), poses[:, 2:5])
+        np.testing.assert_allclose(np.diff(sequence.rows("path/flow/10hz_ts", 0, 4), axis=1), 100_000_000)
