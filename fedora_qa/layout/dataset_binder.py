@@ -32,6 +32,7 @@ from fedora_qa.layout.dialect import (
     DatasetPlace,
     Dialect,
     MetadataPlace,
+    form_of,
     scale_of,
 )
 from fedora_qa.layout.external_files import ExternalFiles
@@ -131,7 +132,9 @@ class DatasetBinder:
         """Return where a dataset is looked for, for people."""
         if isinstance(self.file, h5py.File) or self.holder(key) is not None:
             return self.path(key)
-        return self.file.matched.place(self.place(key).file)
+        place = self.place(key)
+        where = self.file.matched.place(place.file)
+        return f"{place.path} in {where}" if place.path and form_of(where) == "array" else where
 
     def name_without_number(self, key: str) -> str:
         """Return the first image of a dataset without a number that no other has; empty: it is none of images."""
@@ -154,7 +157,9 @@ class DatasetBinder:
             with reading(self.words_of(spec.key)):
                 try:
                     of_names = spec.is_timestamps and len(spec.shape) == 1
-                    return self.file.source(place.file, place.path, of_names=of_names)
+                    # Events are not rows of equal length a file: those of several files follow on each other.
+                    is_joined = spec.stream == "events"
+                    return self.file.source(place.file, place.path, of_names=of_names, is_joined=is_joined)
                 except SourceError as error:
                     raise RefusedError(error.rule, error.cause, str(error)) from error
         except RefusedError as refused:
@@ -241,7 +246,7 @@ class DatasetBinder:
         require_bounded_shape(spec, source.shape, path)
         binding = Binding(
             key=spec.key,
-            path=path,
+            path=self.file.matched.place(place.file) if isinstance(self.file, OpenFolder) else path,
             rows=source.shape[0],
             shape=source.shape,
             dtype=source.dtype,

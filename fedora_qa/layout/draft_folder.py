@@ -26,7 +26,7 @@ from fedora_qa.layout.draft import (
 )
 from fedora_qa.layout.inventory import HEAD_ROWS, Fields, StoredObject, take_inventory
 from fedora_qa.layout.metadata import PINHOLE
-from fedora_qa.sources.arrays import npy_array, npy_frames, npz_array, npz_names
+from fedora_qa.sources.arrays import arrays_of, npz_names
 from fedora_qa.sources.images import images_of, numbers_of
 from fedora_qa.sources.source import OutsideRows, SourceError
 from fedora_qa.sources.text import document_value, number_table
@@ -141,9 +141,11 @@ def _inventory(folder: Path, role: str, paths: list[Path]) -> Iterator[StoredObj
     elif form == "text":
         sources = [("", number_table(paths[0]))]
     elif paths[0].suffix.lower() == ".npz":
-        sources = [(member, npz_array(paths[0], member)) for member in npz_names(paths[0])]
+        sources = [
+            (member, arrays_of(paths[0].parent, names, member, is_joined=False)) for member in npz_names(paths[0])
+        ]
     elif form == "array":
-        sources = [("", npy_array(paths[0]) if len(paths) == 1 else npy_frames(paths[0].parent, names))]
+        sources = [("", arrays_of(paths[0].parent, names, "", is_joined=False))]
     for member, source in sources:
         if source is not None and source.shape and 0 not in source.shape:
             rows = 1 if len(source.shape) > 2 else min(HEAD_ROWS, source.shape[0])

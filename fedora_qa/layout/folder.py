@@ -11,7 +11,7 @@ import h5py
 
 from fedora_qa.errors import MisuseError, UnreadableFileError, first_line
 from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, Form, form_of, load_dialect
-from fedora_qa.sources.arrays import npy_array, npy_frames, npz_array
+from fedora_qa.sources.arrays import arrays_of
 from fedora_qa.sources.images import images_of, numbers_of
 from fedora_qa.sources.source import OutsideRows
 from fedora_qa.sources.text import number_table
@@ -192,7 +192,7 @@ def _files_of_roles(
         pattern, fitting = next(
             ((pattern, fits) for pattern in patterns if (fits := _fitting(by_folder, pattern))), ("", {})
         )
-        several = form_of(patterns[0]) == "images" or patterns[0].lower().endswith(".npy")
+        several = form_of(patterns[0]) in {"images", "array"}
         relative = [f"{inside}/{name}" if inside else name for inside, names in fitting.items() for name in names]
         if len(relative) > 1 and not several:
             problems.append(
@@ -349,15 +349,17 @@ class OpenFolder:
         """Close all files."""
         self._opened.close()
 
-    def source(self, role: str, path: str, *, of_names: bool) -> OutsideRows | None:
+    def source(self, role: str, path: str, *, of_names: bool, is_joined: bool = False) -> OutsideRows | None:
         """Return the rows of a role that is not HDF5; None where it has no file, or no array of this name.
 
         Parameters
         ----------
         path
-            Name of an array in NPZ.
+            Name of an array in NPZ, or a pattern of names.
         of_names
             Whether the numbers in the names of images are meant, which are timestamps.
+        is_joined
+            Whether several arrays of NumPy lie end to end; else each is a row.
 
         Raises
         ------
@@ -371,6 +373,4 @@ class OpenFolder:
             return numbers_of(files.folder, files.names) if of_names else images_of(files.folder, files.names)
         if files.form == "text":
             return number_table(files.first)
-        if files.first.suffix.lower() == ".npz":
-            return npz_array(files.first, path)
-        return npy_array(files.first) if len(files.names) == 1 else npy_frames(files.folder, files.names)
+        return arrays_of(files.folder, files.names, path, is_joined=is_joined)

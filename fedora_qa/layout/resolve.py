@@ -273,6 +273,14 @@ class _Finder:
         unplaced = [spec.key for spec in specs if not self.binder.has_place(spec.key)]
         if unplaced:
             self.absent[stream] = f"the dialect {self.dialect.name} has no place for {', '.join(unplaced)}"
+            placed = [spec.key for spec in specs if spec.key in self.dialect.datasets]
+            # Of a file by itself, the other files of the folder hold the rest.
+            if placed and not any(key in self.dialect.datasets for key in unplaced):
+                message = (
+                    f"Expected a place for {', '.join(unplaced)} beside {placed[0]} in the dialect "
+                    f"{self.dialect.name}, got none; add it, or leave {stream} out of the dialect"
+                )
+                self._note_of_own_dialect(stream, placed[0], message)
             return
         mount = self.binder.supplied.get(T_BODY_IMU)
         if (mount is None or mount.problem) and any(self.binder.place(spec.key).convert == "turned" for spec in specs):
@@ -295,15 +303,12 @@ class _Finder:
                         message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {damaged}"
                         self.binder.report(stream, "", RefusedError("unreadable", "corrupt_chunk", message))
                 self._report_similar_name(stream, path)
-                if self.dialect.name not in DIALECT_NAMES and specs[0].key in self.dialect.datasets:
-                    # A packaged dialect has places for streams that most files lack; an own one is for its files.
-                    words = self.binder.words_of(specs[0].key)
-                    message = (
-                        f"Expected {words} in the {where}, where the dialect {self.dialect.name} has {stream}, got "
-                        "nothing there; correct the dialect, or leave the stream out of it"
-                    )
-                    reason = RefusedError("missing_stream", "missing_stream", message)
-                    self.binder.report(stream, "", reason, is_lossless=True)
+                words = self.binder.words_of(specs[0].key)
+                message = (
+                    f"Expected {words} in the {where}, where the dialect {self.dialect.name} has {stream}, got "
+                    "nothing there; correct the dialect, or leave the stream out of it"
+                )
+                self._note_of_own_dialect(stream, specs[0].key, message)
                 return
             if missing:
                 present = next(key for key, dataset in datasets.items() if dataset is not None)
@@ -337,6 +342,11 @@ class _Finder:
             try:
                 dataset = self.binder.dataset(spec)
                 if dataset is None:
+                    message = (
+                        f"Expected {self.binder.words_of(spec.key)}, where the dialect {self.dialect.name} has "
+                        f"{spec.key}, got nothing there; correct the dialect, or leave the dataset out of it"
+                    )
+                    self._note_of_own_dialect(stream, spec.key, message)
                     continue
                 bound = {spec.key: self.binder.bind(spec, dataset)}
                 self._agree_on_sizes((spec,), bound)
@@ -344,6 +354,12 @@ class _Finder:
                 self.binder.report(spec.stream, broken.key, broken.reason)
                 continue
             self.bindings.update(bound)
+
+    def _note_of_own_dialect(self, stream: str, key: str, message: str) -> None:
+        """Report what a dialect has and a file has not: of one of the package most files lack something."""
+        if self.dialect.name not in DIALECT_NAMES and key in self.dialect.datasets:
+            reason = RefusedError("missing_stream", "missing_stream", message)
+            self.binder.report(stream, "", reason, is_lossless=True)
 
     def _report_similar_name(self, stream: str, path: str) -> None:
         """Note a name that is nearly that of an absent stream; rates of flow are nearly those of one another."""

@@ -3,6 +3,7 @@
 import json
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -150,7 +151,7 @@ def test_intrinsics_that_have_names(tmp_path: Path) -> None:
 def write_events(folder: Path, form: str) -> dict[str, np.ndarray]:
     """Write events in a form: a file a part, with or without a beginning in common, in pairs, or in one NPZ."""
     random = np.random.default_rng(8)
-    events = {
+    events: dict[str, Any] = {
         "x": random.integers(0, 40, 500).astype(np.uint16),
         "y": random.integers(0, 30, 500).astype(np.uint16),
         "t": np.sort(random.uniform(0, 0.4, 500)),

@@ -1,13 +1,15 @@
 """Arrays of NumPy."""
 
 import zipfile
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fedora_qa.sources import arrays
-from fedora_qa.sources.arrays import npy_array, npy_frames, npz_array
+from fedora_qa.sources.arrays import arrays_of, npy_array, npz_array
 from fedora_qa.sources.source import SourceError
 
 VALUES = np.arange(24, dtype=np.float32).reshape(4, 3, 2)
@@ -33,12 +35,49 @@ def test_frames(tmp_path: Path) -> None:
     """A file a row; one of another type fails alone."""
     for number in range(3):
         np.save(tmp_path / f"{number}.npy", VALUES[number])
-    frames = npy_frames(tmp_path, [path.name for path in tmp_path.iterdir()])
+    frames = arrays_of(tmp_path, [path.name for path in tmp_path.iterdir()], "", is_joined=False)
+    assert frames is not None
     np.testing.assert_array_equal(frames.rows(0, 3), VALUES[:3])
     np.save(tmp_path / "1.npy", VALUES[1].astype(np.float64))
     with pytest.raises(SourceError, match=r"Expected 1.npy as <f4"):
         frames.rows(0, 3)
     np.testing.assert_array_equal(frames.rows(2, 3), VALUES[2:3])
+
+
+def test_members_of_npz_as_frames(tmp_path: Path) -> None:
+    """The arrays of NPZ that fit a pattern are rows, in the order of their numbers."""
+    depths: dict[str, Any] = {f"depth_{n}": VALUES[n % 4] + n for n in range(11)}
+    np.savez(tmp_path / "a.npz", other=np.zeros(3), **depths)
+    frames = arrays_of(tmp_path, ["a.npz"], "depth_*", is_joined=False)
+    assert frames is not None
+    assert frames.shape == (11, 3, 2)
+    np.testing.assert_array_equal(frames.rows(9, 11), [VALUES[1] + 9, VALUES[2] + 10])
+    assert arrays_of(tmp_path, ["a.npz"], "flow_*", is_joined=False) is None
+
+
+@pytest.mark.parametrize("form", ["npy", "npz"])
+def test_arrays_end_to_end(form: str, tmp_path: Path) -> None:
+    """Rows of several files follow on each other, also over empty ones, which NumPy makes float64."""
+    rows = np.arange(40, dtype=np.int16).reshape(20, 2)
+    cuts = [0, 3, 3, 10, 20]
+    for number, (start, stop) in enumerate(pairwise(cuts)):
+        piece = rows[start:stop] if start < stop else np.zeros((0, 2))
+        if form == "npy":
+            np.save(tmp_path / f"{number}.npy", piece)
+        else:
+            np.savez_compressed(tmp_path / f"{number}.npz", xy=piece)
+    names = [path.name for path in tmp_path.iterdir()]
+    member = "xy" if form == "npz" else ""
+    joined = arrays_of(tmp_path, names, member, is_joined=True)
+    assert joined is not None
+    assert (joined.shape, joined.dtype) == ((20, 2), np.int16)
+    for start in range(20):
+        for stop in range(start, 21):
+            np.testing.assert_array_equal(joined.rows(start, stop), rows[start:stop])
+    np.savez(tmp_path / "9.npz", other=rows)
+    if form == "npz":
+        with pytest.raises(SourceError, match=r"Expected xy in each of the files, got none in 9.npz"):
+            arrays_of(tmp_path, [*names, "9.npz"], member, is_joined=True)
 
 
 def test_pickles_are_never_read(tmp_path: Path) -> None:
