@@ -4,6 +4,7 @@ What each dataset is, is guessed from its name, shape, type and first values. Ea
 folders (``draft_folder``) are made here as well.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -60,6 +61,14 @@ _NAMES: Final = {
     "path/pose/position": ("pos", "trans", "p"),
 }
 """Beginnings of the names of datasets with three columns."""
+
+_NUMBER: Final = re.compile(r"\d+")
+
+_NO_STREAM: Final = ("mask", "segm", "label", "instance", "semantic")
+"""Words in the names of images that are no stream."""
+
+_FAR: Final = (0.01, 2.0)
+"""Share of the pixels with the largest depth, and ratio to the next depth, from which on it marks invalid pixels."""
 
 _MILLISECONDS: Final = ("ms_to", "ms_map")
 """Beginnings of the names of maps from milliseconds to events (DSEC, M3ED, TUM-VIE)."""
@@ -143,8 +152,7 @@ def draft_lines(guesses: Sequence[Guess], items: Sequence[StoredObject]) -> list
     """Return the table of datasets, with every guess and its reason, and what nothing was guessed for."""
     lines = ["[datasets]"]
     for guess in guesses:
-        fields = (f"{field} = {_toml_value(value)}" for field, value in guess.fields.items())
-        lines += [comment(guess.reason), f"{quoted(guess.key)} = {{ {', '.join(fields)} }}"]
+        lines += [comment(guess.reason), f"{quoted(guess.key)} = {toml_table(guess.fields)}"]
     lines.append("")
     keys_guessed = {guess.key for guess in guesses}
     # Streams that cannot be read yet: a stream without any guess counts as absent, and needs no correction by hand.
@@ -168,14 +176,26 @@ def draft_lines(guesses: Sequence[Guess], items: Sequence[StoredObject]) -> list
             unused.append(item)
     if unused:
         lines.append("# Nothing was guessed for:")
-    return lines + [
-        comment(f"  {_path_in_folder(item)}  {' x '.join(map(str, item.shape))}  {item.dtype}") for item in unused
-    ]
+    # Names that differ in their numbers alone are one line.
+    alike: dict[tuple[str, str], list[StoredObject]] = {}
+    for item in unused:
+        alike.setdefault((_NUMBER.sub("*", _path_in_folder(item)), str(item.dtype)), []).append(item)
+    for (pattern, dtype), group in alike.items():
+        shapes = sorted({" x ".join(map(str, item.shape)) for item in group})
+        shape = shapes[0] if len(shapes) == 1 else f"{shapes[0]} and others"
+        path = _path_in_folder(group[0]) if len(group) == 1 else f"{pattern}  {len(group)} of"
+        lines.append(comment(f"  {path}  {shape}  {dtype}"))
+    return lines
 
 
 def _members_of(fields: Fields) -> list[str]:
     members = fields.get("members")
     return [str(member) for member in members] if isinstance(members, list) else []
+
+
+def toml_table(fields: Fields) -> str:
+    """Return the fields of a place as an inline table of TOML."""
+    return f"{{ {', '.join(f'{field} = {_toml_value(value)}' for field, value in fields.items())} }}"
 
 
 def _toml_value(value: str | float | list[int] | list[str]) -> str:
@@ -347,14 +367,17 @@ def _events_apart(items: Sequence[StoredObject]) -> Iterator[Guess]:
 
 
 def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
-    for item in items:
+    images = [item for item in items if not any(word in item.path.lower() for word in _NO_STREAM)]
+    # Colour comes before grey, which may be of another camera.
+    for item in sorted(images, key=lambda item: len(item.shape) != 4):
         rank, kind = len(item.shape), item.dtype
         if kind == np.uint8 and rank == 4 and item.shape[3] == 3:
             yield from _with_timestamps(items, item, Guess("path/rgb", item.place, "8-bit images, three channels"))
-        elif kind == np.uint8 and rank == 3:
+        # H x W x 3 is one image of colour, not a stream of H grey ones.
+        elif kind == np.uint8 and rank == 3 and item.shape[2] > 4:
             grey = Guess("path/rgb", {**item.place, "columns": [0, 0, 0]}, "8-bit grey images, read as R = G = B")
             yield from _with_timestamps(items, item, grey)
-        elif kind == np.uint16 and rank == 3 and item.form == "images":
+        elif kind == np.uint16 and rank == 3 and (item.form == "images" or _is_named_as_depth(item)):
             named = any(word in item.path.lower() for word in ("disp", "stereo"))
             fields: Fields = {"value_unit": "mm", "invalid": 0.0}
             reason = "16-bit grey images, taken for millimetres; 0 is taken for invalid"
@@ -364,21 +387,31 @@ def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
             yield from _with_timestamps(items, item, Guess("path/depth", {**item.place, **fields}, reason))
         # Sides above 4 exclude stacks of 3 x 3 and 4 x 4 matrices, in which poses are stored (MVSEC).
         elif kind.kind == "f" and rank == 3 and min(item.shape[1:]) > 4:
-            # Writers mark invalid depth by NaN, infinity or 0.
+            # Writers mark invalid depth by NaN, infinity or 0, or by a depth beyond all others.
             values = item.head[np.isfinite(item.head) & (item.head > 0)]
+            farthest = float(values.max()) if values.size else 0.0
+            others = values[values < farthest]
+            is_marked = others.size and np.mean(values == farthest) > _FAR[0] and farthest > _FAR[1] * others.max()
+            values = others if is_marked else values
             median = float(np.median(values)) if values.size else 0.0
             unit = "m" if 0 < median < _METRES_BELOW else "mm"
-            depth = Guess(
-                "path/depth", {**item.place, "value_unit": unit}, f"float images; median {median:.4g} is {unit}"
-            )
+            marked: Fields = {"invalid": farthest} if is_marked else {}
+            reason = f"float images; median {median:.4g} is {unit}"
+            if is_marked:
+                reason = f"{reason}; many pixels of {farthest:g}, far beyond all others, are taken for invalid"
+            depth = Guess("path/depth", {**item.place, "value_unit": unit, **marked}, reason)
             yield from _with_timestamps(items, item, depth)
+
+
+def _is_named_as_depth(item: StoredObject) -> bool:
+    return any(word in item.path.lower() for word in ("depth", "disp"))
 
 
 def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
     """Guess that fields of two components beside equally many intervals are flow, whose rate is 1 / interval."""
     for item in items:
         is_coded = item.form == "images" and item.dtype == np.uint16 and item.shape[3:] == (3,)
-        if not is_coded and (len(item.shape) != 4 or item.shape[3] != 2 or item.dtype.kind != "f"):
+        if not is_coded and not is_flow(item):
             continue
         coded = {"convert": "flow16"} if is_coded else {}
         words = "16-bit images of three channels" if is_coded else "two float components"
@@ -389,7 +422,7 @@ def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
         lengths = np.diff(timestamps.head[:, -2:].astype(np.float64), axis=1)
         for unit in ("us", "ns", "s", "ms"):
             length_s = float(np.median(lengths)) * NS_PER_TIME_UNIT[unit] / NS_PER_S
-            if rate := _rate_of(length_s):
+            if rate := rate_of(length_s):
                 reason = f"{words}; intervals of {timestamps.path} are 1/{rate} s in {unit}"
                 yield Guess(f"path/flow/{rate}hz", {**item.place, **coded}, reason)
                 columns: Fields = {"columns": [1, 2]} if timestamps.shape[1] == 3 else {}
@@ -406,7 +439,12 @@ def _is_of_intervals(item: StoredObject) -> bool:
     return item.shape[1] == 2 or counts
 
 
-def _rate_of(length_s: float) -> str:
+def is_flow(item: StoredObject) -> bool:
+    """Whether a dataset has the shape and type of flow in px."""
+    return len(item.shape) == 4 and item.shape[3] == 2 and item.dtype.kind == "f"
+
+
+def rate_of(length_s: float) -> str:
     """Return the rate of intervals, Hz: a usual one, or with as few decimals as state it; empty for no plausible one.
 
     Units of time differ by 1000, so that a length is plausible in one of them at most: from 1 to 1000 Hz.
@@ -453,6 +491,17 @@ def _tables(items: Sequence[StoredObject]) -> Iterator[Guess]:
     """Guess trajectories and IMU samples in tables whose first column is time (TUM, EuRoC), or is beside a count."""
     for item in items:
         head = item.head.astype(np.float64) if item.head.ndim == 2 else np.empty((0, 0))
+        if (
+            item.form != "hdf5"
+            and head.shape[1] == 7
+            and np.allclose(np.linalg.norm(head[:, 3:], axis=1), 1, atol=1e-3)
+        ):
+            place: Fields = {**item.place, "columns": [0, 1, 2]}
+            yield Guess("path/pose/position", place, "the three columns before four of unit length")
+            reason = "four columns of unit length; that the order is x, y, z, w does not follow from the values"
+            orientation = Guess("path/pose/orientation", {**item.place, "columns": [3, 4, 5, 6]}, reason)
+            yield from _with_timestamps(items, item, orientation)
+            continue
         if item.form == "hdf5" or len(head) < 2 or head.shape[1] < 7 or not np.all(np.diff(head[:, 0]) > 0):
             continue
         # A first column that counts is no time where the second one rises.
@@ -464,7 +513,7 @@ def _tables(items: Sequence[StoredObject]) -> Iterator[Guess]:
         at = next((at for at in range(start + 4, len(norms)) if np.allclose(norms[at], 1.0, atol=1e-3)), 0)
         if at:
             yield Guess("path/pose/ts", time, rising)
-            place: Fields = {**item.place, "columns": [at - 3, at - 2, at - 1]}
+            place = {**item.place, "columns": [at - 3, at - 2, at - 1]}
             yield Guess("path/pose/position", place, "the three columns before four of unit length")
             reason = "four columns of unit length; that the order is x, y, z, w does not follow from the values"
             yield Guess("path/pose/orientation", {**item.place, "columns": [at, at + 1, at + 2, at + 3]}, reason)
@@ -488,7 +537,7 @@ def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: G
     yield guess
     frames = guess.key in {"path/rgb", "path/depth"}
     kind = "frames" if frames else "samples"
-    events_ns = _span_of_events_ns(items)
+    events_ns = span_of_events_ns(items)
     candidates: list[tuple[tuple[float, ...], int, StoredObject]] = []
     for other in items:
         if other.shape[:1] != item.shape[:1] or other.dtype.kind not in "iuf":
@@ -521,7 +570,7 @@ def _count_step(numbers: NDArray[np.float64]) -> int:
     return int(step) if is_count and bool(np.all(steps == step)) else 0
 
 
-def _span_of_events_ns(items: Sequence[StoredObject]) -> float:
+def span_of_events_ns(items: Sequence[StoredObject]) -> float:
     """Return how long the events last, ns; 0 where none are found."""
     for guess in chain(_events_in_columns(items), _events_apart(items)):
         if guess.key == "path/events/t":

@@ -321,10 +321,13 @@ class _Finder:
                     )
                 raise BrokenDatasetError(missing[0], RefusedError("missing_stream", "missing_stream", message))
             bound = {spec.key: self.binder.bind(spec, datasets[spec.key]) for spec in specs}
+            instants = next((binding.rows for binding in bound.values() if binding.is_of_instants), None)
+            # n instants begin n - 1 intervals: what is stored for the last, if anything, has none.
+            bound = {
+                key: _without_last_row(binding) if binding.is_of_instants or binding.rows == instants else binding
+                for key, binding in bound.items()
+            }
             self._agree_on_sizes(specs, bound)
-            if any(binding.is_of_instants for binding in bound.values()):
-                # n instants begin n - 1 intervals: what is stored for the last has none.
-                bound = {key: _without_last_row(binding) for key, binding in bound.items()}
             first = bound[specs[0].key]
             if stream in _NEVER_EMPTY and not first.rows:
                 message = f"Expected samples in {first.path}, got none; write the stream, or leave its datasets out"
@@ -348,7 +351,8 @@ class _Finder:
                     )
                     self._note_of_own_dialect(stream, spec.key, message)
                     continue
-                bound = {spec.key: self.binder.bind(spec, dataset)}
+                binding = self.binder.bind(spec, dataset)
+                bound = {spec.key: _without_last_row(binding) if binding.rows == instants else binding}
                 self._agree_on_sizes((spec,), bound)
             except BrokenDatasetError as broken:
                 self.binder.report(spec.stream, broken.key, broken.reason)

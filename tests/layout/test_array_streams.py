@@ -31,7 +31,8 @@ def folder(tmp_path: Path) -> Path:
     bounds = [0, 11, 30, 30, 60]
     for number in range(4):
         frame = slice(bounds[number], bounds[number + 1])
-        np.savez(folder / f"events/{number}_events.npz", **{name: values[frame] for name, values in EVENTS.items()})
+        parts: dict[str, Any] = {name: values[frame] for name, values in EVENTS.items()}
+        np.savez(folder / f"events/{number}_events.npz", **parts)
         table = np.column_stack([EVENTS[name][frame] for name in "txyp"])
         np.save(folder / f"tables/{number}.npy", table)
     depths: dict[str, Any] = {f"depth_{n}": depth for n, depth in enumerate(DEPTHS)}

@@ -123,7 +123,7 @@ def test_names_cannot_break_the_draft(tmp_path: Path) -> None:
     for number in range(2):
         write_png(folder / f'x = 1 "y/{number}.png', np.zeros((2, 3, 3), np.uint8))
     _, dialect = drafted(folder, tmp_path)
-    assert load_dialect(dialect).files == {"x_1_y": ('x = 1 "y/*.png',)}
+    assert load_dialect(dialect).files == {"x_1_y": ('x = 1 "y/*.png',), "times_2": ("times_2.txt",)}
 
 
 def test_intrinsics_that_have_names(tmp_path: Path) -> None:
@@ -209,13 +209,13 @@ def test_a_count_beside_times_is_no_time(lines: list[str], column: int, unit: st
 
 
 def test_a_column_that_counts_alone_is_no_time(tmp_path: Path) -> None:
-    """Frames beside a table whose only rising column counts have no times."""
+    """Frames beside a table whose only rising column counts have no times: they are still to be written."""
     folder = tmp_path / "flight"
     (folder / "rgb").mkdir(parents=True)
     for number in range(8):
         write_png(folder / f"rgb/{number:04d}.png", np.zeros((8, 10, 3), np.uint8))
     (folder / "labels.txt").write_text("\n".join(f"{n} {n % 3}" for n in range(8)))
-    assert "path/rgb_ts" not in load_dialect(drafted(folder, tmp_path)[1]).datasets
+    assert load_dialect(drafted(folder, tmp_path)[1]).datasets["path/rgb_ts"].file == "times_8"
 
 
 def test_a_count_before_a_trajectory_and_before_intervals(tmp_path: Path) -> None:
@@ -232,3 +232,127 @@ def test_a_count_before_a_trajectory_and_before_intervals(tmp_path: Path) -> Non
         np.testing.assert_allclose(np.diff(sequence.rows("path/pose/ts", 0, 9)), 10_000_000)
         np.testing.assert_allclose(sequence.rows("path/pose/position", 0, 9), poses[:, 2:5])
         np.testing.assert_allclose(np.diff(sequence.rows("path/flow/10hz_ts", 0, 4), axis=1), 100_000_000)
+
+
+def fields_of_flow(frames: int) -> np.ndarray:
+    return np.random.default_rng(7).normal(size=(frames, 8, 10, 2)).astype(np.float32)
+
+
+def test_names_with_different_endings_are_different_streams(tmp_path: Path) -> None:
+    """Flow and its masks in one folder, and two views, come apart; what has no place is a line a kind of name."""
+    folder = tmp_path / "flight"
+    for name in ("flow", "images"):
+        (folder / name).mkdir(parents=True)
+    flow = fields_of_flow(12)
+    for number in range(12):
+        np.save(folder / f"flow/{number:06d}_{number + 1:06d}_flow.npy", flow[number])
+        np.save(folder / f"flow/{number:06d}_{number + 1:06d}_mask.npy", np.zeros((8, 10), np.uint8))
+        np.save(folder / f"flow/{number}.npy", np.zeros(3))
+        for view, value in (("left", 1), ("right", 2)):
+            write_png(folder / f"images/{view}_{number}.png", np.full((8, 10, 3), value, np.uint8))
+    np.savetxt(folder / "flow_times.txt", [[0.1 * n, 0.1 * n + 0.1] for n in range(12)])
+    (folder / "times.txt").write_text("".join(f"{100_000 * n}\n" for n in range(12)))
+    text, path = drafted(folder, tmp_path)
+    dialect = load_dialect(path)
+    assert dialect.files[dialect.datasets["path/rgb"].file] == ("images/left_*.png",)
+    with open_sequence(folder, dialect) as sequence:
+        assert sequence.layout.streams == {"rgb", "flow/10hz"}, text
+        assert not sequence.layout.problems
+        np.testing.assert_array_equal(sequence.rows("path/flow/10hz", 0, 12), flow)
+    unplaced = text.partition("# Nothing was guessed for:\n")[2].splitlines()[:3]
+    assert {line.split()[1] for line in unplaced} == {"flow/*_mask.npy", "flow/*[0-9].npy", "images/right_*.png"}
+
+
+def test_images_and_events_in_archives(tmp_path: Path) -> None:
+    """A member of H x W x 3 is one image; many are a stream, and so are the events of an NPZ a frame."""
+    folder, random = tmp_path / "flight", np.random.default_rng(4)
+    (folder / "events").mkdir(parents=True)
+    images: dict[str, Any] = {f"colour_{n:04d}": random.integers(0, 255, (8, 10, 3), np.uint8) for n in range(9)}
+    depths: dict[str, Any] = {f"depth_{n:04d}": np.full((8, 10), 2000 + n, np.uint16) for n in range(9)}
+    masks: dict[str, Any] = {f"mask_{n:04d}": np.zeros((8, 10), np.uint16) for n in range(9)}
+    np.savez(folder / "images.npz", **images)
+    np.savez(folder / "depth.npz", **depths)
+    np.savez(folder / "a_mask.npz", **masks)
+    np.savez(folder / "info.npz", one_image=images["colour_0000"], meta=np.array({"a": 1}, dtype=object))
+    (folder / "times.txt").write_text("".join(f"{50_000 * n}\n" for n in range(9)))
+    parts = write_events(tmp_path / "source", "npz")
+    bounds = [0, 40, 90, 90, 300, 350, 500]
+    for number in range(6):
+        frame = slice(bounds[number], bounds[number + 1])
+        of_frame: dict[str, Any] = {name: values[frame] for name, values in parts.items()}
+        np.savez(folder / f"events/{number:04d}_events.npz", **of_frame)
+    text, path = drafted(folder, tmp_path)
+    with open_sequence(folder, load_dialect(path)) as sequence:
+        assert sequence.layout.streams == {"rgb", "depth", "events"}, text
+        np.testing.assert_array_equal(sequence.rows("path/rgb", 4, 5)[0], images["colour_0004"])
+        np.testing.assert_array_equal(sequence.rows("path/depth", 8, 9)[0], np.full((8, 10), 2008.0))
+        np.testing.assert_array_equal(sequence.rows("path/events/x", 0, 500), parts["x"])
+    assert "#   info.npz/one_image  8 x 10 x 3  uint8" in text
+    assert "Expected numbers in meta of info.npz, got object" in text
+
+
+def test_poses_and_images_without_times(tmp_path: Path) -> None:
+    """They are placed with times that are still to be written, and the draft states how."""
+    folder, random = tmp_path / "flight", np.random.default_rng(4)
+    (folder / "rgb").mkdir(parents=True)
+    poses = np.column_stack([random.normal(size=(9, 3)), Rotation.random(9, random_state=3).as_quat()])
+    np.savetxt(folder / "pose_left.txt", poses)
+    for number in range(9):
+        write_png(folder / f"rgb/{number:06d}_left.png", np.zeros((8, 10, 3), np.uint8))
+    text, path = drafted(folder, tmp_path)
+    assert "#   seq 0 50000 400000 > times_9.txt" in text
+    problems = [problem.message for problem in layout_of(folder, path).problems]
+    assert len(problems) == 2
+    assert all(message.startswith("Expected times_9.txt beside") for message in problems)
+    (folder / "times_9.txt").write_text("".join(f"{50_000 * n}\n" for n in range(9)))
+    with open_sequence(folder, load_dialect(path)) as sequence:
+        assert sequence.layout.streams == {"rgb", "pose"}
+        np.testing.assert_allclose(sequence.rows("path/pose/position", 0, 9), poses[:, :3])
+        np.testing.assert_allclose(np.diff(sequence.rows("path/pose/ts", 0, 9)), 50_000_000)
+
+
+def test_a_depth_beyond_all_others_is_invalid(tmp_path: Path) -> None:
+    """Sky of 10000 m is no depth."""
+    folder = tmp_path / "flight"
+    folder.mkdir()
+    depth = np.full((6, 8, 10), 7, np.float32)
+    depth[:, :3] = 10_000
+    np.save(folder / "depth.npy", depth)
+    (folder / "times.txt").write_text("".join(f"{50_000 * n}\n" for n in range(6)))
+    assert load_dialect(drafted(folder, tmp_path)[1]).datasets["path/depth"].invalid == 10_000
+
+
+def test_flow_from_each_frame_to_the_next(tmp_path: Path) -> None:
+    """Flow without intervals, one field fewer than frames, has those between the frames."""
+    folder = tmp_path / "flight"
+    (folder / "rgb").mkdir(parents=True)
+    for number in range(6):
+        write_png(folder / f"rgb/{number}.png", np.zeros((8, 10, 3), np.uint8))
+    (folder / "times.txt").write_text("".join(f"{40_000 * n}\n" for n in range(6)))
+    np.save(folder / "flow.npy", fields_of_flow(5))
+    with open_sequence(folder, load_dialect(drafted(folder, tmp_path)[1])) as sequence:
+        assert sequence.layout.streams == {"rgb", "flow/25hz"}
+        assert not sequence.layout.problems
+        intervals_ms = sequence.rows("path/flow/25hz_ts", 0, 5) / 1e6
+        np.testing.assert_allclose(intervals_ms - intervals_ms[0, 0], [[40 * n, 40 * n + 40] for n in range(5)])
+        np.testing.assert_array_equal(sequence.rows("path/flow/25hz", 4, 5), fields_of_flow(5)[4:])
+
+
+@pytest.mark.parametrize(
+    ("frames", "has_times", "remark"),
+    [
+        (11, True, "intervals may be 2 steps long each, which is 10 Hz"),
+        (6, False, "If they reach from each frame to the next, times_6.txt suffices"),
+        (9, True, "Write 5 lines, each with the times"),
+    ],
+)
+def test_flow_without_intervals(frames: int, has_times: bool, remark: str, tmp_path: Path) -> None:
+    """The draft states what to write."""
+    folder = tmp_path / "flight"
+    (folder / "rgb").mkdir(parents=True)
+    for number in range(frames):
+        write_png(folder / f"rgb/{number}.png", np.zeros((8, 10, 3), np.uint8))
+    if has_times:
+        (folder / "times.txt").write_text("".join(f"{50_000 * n}\n" for n in range(frames)))
+    np.save(folder / "flow.npy", fields_of_flow(5))
+    assert remark in drafted(folder, tmp_path)[0]
