@@ -1,5 +1,6 @@
 """Match the files of a folder with the roles of a dialect, and keep its HDF5 files open."""
 
+import shlex
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Any, Final
 import h5py
 
 from fedora_qa.errors import MisuseError, UnreadableFileError, first_line
-from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, Form, form_of, load_dialect
+from fedora_qa.layout.dialect import DIALECT_NAMES, FORMS, Dialect, Form, form_of, load_dialect
 from fedora_qa.sources.arrays import arrays_of
 from fedora_qa.sources.images import images_of, numbers_of
 from fedora_qa.sources.source import OutsideRows
@@ -23,6 +24,10 @@ _SHOWN: Final = 2
 
 _FEWEST_SEQUENCES: Final = 2
 """Sequences of a folder that lie side by side."""
+
+_MOST_UNUSED: Final = 0.75
+"""Share of the files, of formats that are read, from which on most of a folder is unused. Of DSEC the right camera is
+half, and two thirds with labels."""
 
 _FEWEST_ROLES: Final = 2
 """Of how many roles a folder has files of other formats than HDF5 where it is meant to be a sequence of the dialect."""
@@ -74,6 +79,22 @@ class MatchedFolder:
     files: Mapping[str, RoleFiles]
     unused: tuple[str, ...] = ()
     is_named: bool = True
+
+    @property
+    def unused_data(self) -> tuple[str, ...]:
+        """Names of the files without a role in formats that are read."""
+        return tuple(name for name in self.unused if PurePosixPath(name).suffix.lower() in FORMS)
+
+    @property
+    def is_mostly_unused(self) -> bool:
+        """Whether most files in formats that are read have no role."""
+        used = sum(len(files.names) for files in self.files.values())
+        return len(self.unused_data) > _MOST_UNUSED * (used + len(self.unused_data))
+
+    @property
+    def draft_command(self) -> str:
+        """What drafts a dialect for the folder."""
+        return f"fedora-qa layout {shlex.quote(str(self.folder))} --draft-dialect mine.toml"
 
     def place(self, role: str) -> str:
         """Return where the files of a role lie, or would: the name of one, the pattern of several or of none."""
@@ -215,9 +236,18 @@ def misfit(folder: Path) -> str:
     """Return why a folder does not fit the dialect of the package of which it has most roles, as a sentence.
 
     It is empty where the folder has fewer than two roles of it with files of other formats than HDF5: files of HDF5
-    may be sequences by themselves.
+    may be sequences by themselves. A folder of many files, of which a single name is that of a dialect, is named.
     """
     by_folder = _names_by_folder(folder)
+    for matched in _folders_of_dialects(folder):
+        if _is_of_one_name(matched):
+            (role,) = matched.files
+            unused = matched.unused_data
+            return (
+                f"Expected more of the dialect {matched.dialect.name} in {folder} than {role} ({matched.place(role)}), "
+                f"got {len(unused)} files without a role, such as {unused[0]}; draft a dialect with "
+                f"`{matched.draft_command}`"
+            )
     sentences: dict[str, int] = {}
     for dialect in map(load_dialect, DIALECT_NAMES):
         files, problems = _files_of_roles(folder, by_folder, dialect)
@@ -241,8 +271,16 @@ def _fitting(by_folder: Mapping[str, list[str]], pattern: str) -> dict[str, list
 
 
 def recognise_folder(folder: Path) -> MatchedFolder | None:
-    """Return a folder in the dialect of the package of which it has most roles, the first of equals; None: in none."""
-    candidates: list[MatchedFolder] = []
+    """Return a folder in the dialect of the package of which it has most roles, the first of equals; None: in none.
+
+    One name, such as ``events_left/events.h5``, identifies no dialect in a folder whose other files it does not read.
+    """
+    candidates = [matched for matched in _folders_of_dialects(folder) if not _is_of_one_name(matched)]
+    return max(candidates, key=lambda matched: len(matched.files), default=None)
+
+
+def _folders_of_dialects(folder: Path) -> Iterator[MatchedFolder]:
+    """Yield a folder in each dialect of the package that it fits."""
     for dialect in map(load_dialect, DIALECT_NAMES):
         if dialect.files:
             try:
@@ -250,8 +288,11 @@ def recognise_folder(folder: Path) -> MatchedFolder | None:
             except MisuseError:
                 continue  # it does not fit this one
             if len(matched.files) >= dialect.fewest_roles:
-                candidates.append(matched)
-    return max(candidates, key=lambda matched: len(matched.files), default=None)
+                yield matched
+
+
+def _is_of_one_name(matched: MatchedFolder) -> bool:
+    return len(matched.files) == 1 and matched.is_mostly_unused
 
 
 def matched_folder(folder: Path, dialect: Dialect | None) -> MatchedFolder | None:

@@ -35,9 +35,18 @@ from fedora_qa.layout.canonical import (
     spec_of,
 )
 from fedora_qa.layout.dataset_binder import EXTRA_STREAMS, BrokenDatasetError, DatasetBinder, LayoutProblem
-from fedora_qa.layout.dialect import DIALECT_NAMES, KIND, T_BODY_IMU, Dialect, DialectChoice, load_dialect, split_choice
+from fedora_qa.layout.dialect import (
+    DIALECT_NAMES,
+    KIND,
+    T_BODY_IMU,
+    Dialect,
+    DialectChoice,
+    form_of,
+    load_dialect,
+    split_choice,
+)
 from fedora_qa.layout.external_files import ExternalFiles
-from fedora_qa.layout.folder import OpenFolder
+from fedora_qa.layout.folder import MatchedFolder, OpenFolder
 from fedora_qa.layout.hdf5_objects import (
     READ_ERRORS,
     RefusedError,
@@ -137,6 +146,8 @@ def resolve(
     if KIND in supplied:
         inferred[KIND] = str(supplied[KIND].value)
     binder = DatasetBinder(file, dialect, external_files, supplied)
+    if isinstance(file, OpenFolder) and not is_named:
+        _report_unused(file.matched, binder)
     finder = _Finder(binder)
     # In the order of the layout: the first stream with a symbolic size is the reference for all later ones.
     streams = finder.streams()
@@ -157,6 +168,28 @@ def resolve(
         is_recognised=is_named or bool(finder.bindings or binder.problems),
         supplied=supplied,
     )
+
+
+def _report_unused(matched: MatchedFolder, binder: DatasetBinder) -> None:
+    """Note images of which none is read, and a folder of which most files are not, although a dialect fits."""
+    unused = matched.unused_data
+    images = [name for name in unused if form_of(name) == "images"]
+    has_images = any(files.form == "images" for files in matched.files.values())
+    wanted = [patterns for patterns in matched.dialect.files.values() if form_of(patterns[0]) == "images"]
+    got = f"; draft a dialect with `{matched.draft_command}` where they are streams"
+    if images and wanted and not has_images:
+        message = (
+            f"Expected images at {' or '.join(wanted[0])}, as in the dialect {matched.dialect.name}, got none there, "
+            f"but {len(images)} images elsewhere that are not read, such as {images[0]}{got}"
+        )
+    elif matched.is_mostly_unused:
+        message = (
+            f"Expected the files of the dialect {matched.dialect.name}, by which the folder was recognised, got "
+            f"{len(unused)} others that are not read, such as {unused[0]}{got}"
+        )
+    else:
+        return
+    binder.report("metadata", "", RefusedError("unused_files", "missing_stream", message), is_lossless=True)
 
 
 def unrecognised(path: str) -> Layout:
