@@ -174,12 +174,12 @@ def _report_unused(matched: MatchedFolder, binder: DatasetBinder) -> None:
     """Note images of which none is read, and a folder of which most files are not, although a dialect fits."""
     unused = matched.unused_data
     images = [name for name in unused if form_of(name) == "images"]
-    has_images = any(files.form == "images" for files in matched.files.values())
-    wanted = [patterns for patterns in matched.dialect.files.values() if form_of(patterns[0]) == "images"]
+    place = matched.dialect.datasets.get("path/rgb")
+    patterns = matched.dialect.files[place.file] if place and place.file not in matched.files else ()
     got = f"; draft a dialect with `{matched.draft_command}` where they are streams"
-    if images and wanted and not has_images:
+    if images and patterns and form_of(patterns[0]) == "images":
         message = (
-            f"Expected images at {' or '.join(wanted[0])}, as in the dialect {matched.dialect.name}, got none there, "
+            f"Expected images at {' or '.join(patterns)}, as in the dialect {matched.dialect.name}, got none there, "
             f"but {len(images)} images elsewhere that are not read, such as {images[0]}{got}"
         )
     elif matched.is_mostly_unused:
