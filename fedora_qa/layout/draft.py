@@ -62,6 +62,9 @@ _NAMES: Final = {
 }
 """Beginnings of the names of datasets with three columns."""
 
+_MOTION: Final = ("pos", "trans", "orient", "euler", "rpy", "vel")
+"""Words in the names of tables whose columns are no times."""
+
 _NUMBER: Final = re.compile(r"\d+")
 
 _NO_STREAM: Final = ("mask", "segm", "label", "instance", "semantic")
@@ -491,11 +494,7 @@ def _tables(items: Sequence[StoredObject]) -> Iterator[Guess]:
     """Guess trajectories and IMU samples in tables whose first column is time (TUM, EuRoC), or is beside a count."""
     for item in items:
         head = item.head.astype(np.float64) if item.head.ndim == 2 else np.empty((0, 0))
-        if (
-            item.form != "hdf5"
-            and head.shape[1] == 7
-            and np.allclose(np.linalg.norm(head[:, 3:], axis=1), 1, atol=1e-3)
-        ):
+        if _is_pose_without_time(item):
             place: Fields = {**item.place, "columns": [0, 1, 2]}
             yield Guess("path/pose/position", place, "the three columns before four of unit length")
             reason = "four columns of unit length; that the order is x, y, z, w does not follow from the values"
@@ -540,7 +539,7 @@ def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: G
     events_ns = span_of_events_ns(items)
     candidates: list[tuple[tuple[float, ...], int, StoredObject]] = []
     for other in items:
-        if other.shape[:1] != item.shape[:1] or other.dtype.kind not in "iuf":
+        if other.shape[:1] != item.shape[:1] or other.dtype.kind not in "iuf" or _is_of_motion(other):
             continue
         for number, head in enumerate(other.columns):
             if not np.all(np.isfinite(head)) or not np.all(np.diff(head) >= 0):
@@ -560,6 +559,21 @@ def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: G
         why = f"{why}; column {number - 1} counts" if number and _count_step(best.columns[number - 1]) else why
         key = f"{guess.key}_ts" if frames else f"{guess.key.rpartition('/')[0]}/ts"
         yield Guess(key, {**best.place, **column, "time_unit": unit}, f"as long as {item.path}, never falls; {why}")
+
+
+def _is_of_motion(item: StoredObject) -> bool:
+    """Whether a table without times is one of positions or angles, which rise as well on a straight way."""
+    if len(item.columns) < 2 or _is_named_as_time(item):
+        return False
+    is_vector = item.shape[1:] in {(2,), (3,)} and any(word in item.name for word in _MOTION)
+    return is_vector or _is_pose_without_time(item)
+
+
+def _is_pose_without_time(item: StoredObject) -> bool:
+    """Whether a table of seven columns has a position, and a quaternion after it."""
+    if item.form == "hdf5" or item.shape[1:] != (7,):
+        return False
+    return bool(np.allclose(np.linalg.norm(item.head[:, 3:].astype(np.float64), axis=1), 1, atol=1e-3))
 
 
 def _count_step(numbers: NDArray[np.float64]) -> int:

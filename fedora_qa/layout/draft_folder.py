@@ -112,7 +112,7 @@ def draft_folder(folder: Path, name: str) -> str:
         for role, group in groups.items()
         if group.form == "document" and role not in used
     ]
-    lines += [*map(comment, _remarks(items, guesses))]
+    lines += [*map(comment, _remarks(groups, items, guesses))]
     declared = [*cameras, *_cameras_to_fill_in(items, guesses, cameras)]
     lines += ["", "[metadata]", *declared] if declared else []
     return "\n".join(lines).rstrip() + "\n"
@@ -223,14 +223,19 @@ def _files_to_write(roles: Sequence[str], events_s: float) -> list[str]:
     return lines
 
 
-def _remarks(items: Sequence[StoredObject], guesses: Mapping[str, Guess]) -> Iterator[str]:
+def _remarks(
+    groups: Mapping[str, FileGroup], items: Sequence[StoredObject], guesses: Mapping[str, Guess]
+) -> Iterator[str]:
     """Yield what is needed for data that look like a stream and have no place."""
     for item in items:
         rows = item.shape[0] if item.shape else 0
         if is_flow(item) and not any(key.startswith("path/flow/") for key in guesses):
             place = ", ".join(f"{name} = {quoted(str(value))}" for name, value in item.place.items())
             yield f"{item.path} looks like flow, whose intervals nobody states. Write {rows} lines, each with the times"
-            yield "at which an interval begins and ends, add the file to [files], and, with the rate in place of RATE:"
+            yield "at which an interval begins and ends. Then add, in [files], and in [datasets] with the rate for RATE:"
+            if not any(guess.fields.get("file") == item.role for guess in guesses.values()):
+                yield f"{item.role} = {quoted(groups[item.role].pattern)}"
+            yield 'flow_times = "flow_times.txt"'
             yield f'"path/flow/RATEhz" = {{ {place} }}'
             yield '"path/flow/RATEhz_ts" = { file = "flow_times", time_unit = "us" }'
             yield from _strided_intervals(items, guesses, rows)
@@ -242,7 +247,8 @@ def _remarks(items: Sequence[StoredObject], guesses: Mapping[str, Guess]) -> Ite
         if is_table and any(word in item.name for word in _ANGLES) and "path/pose/orientation" not in guesses:
             yield f"{item.path} looks like three angles. Orientations are read as quaternions or matrices: write four"
             yield "columns x, y, z, w, as Rotation.from_euler('xyz', angles).as_quat() of SciPy returns them, in the"
-            yield "order and unit of your angles, add the file to [files], and:"
+            yield "order and unit of your angles. Then add, in [files] and in [datasets]:"
+            yield 'orientation = "orientation_xyzw.txt"'
             yield '"path/pose/orientation" = { file = "orientation" }'
 
 

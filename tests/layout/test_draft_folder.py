@@ -295,8 +295,11 @@ def test_poses_and_images_without_times(tmp_path: Path) -> None:
     """They are placed with times that are still to be written, and the draft states how."""
     folder, random = tmp_path / "flight", np.random.default_rng(4)
     (folder / "rgb").mkdir(parents=True)
-    poses = np.column_stack([random.normal(size=(9, 3)), Rotation.random(9, random_state=3).as_quat()])
+    # On a straight way a position rises like a time.
+    positions = random.normal(size=(9, 3)) + np.arange(9)[:, None] * [0.02, 10, 0]
+    poses = np.column_stack([positions, Rotation.random(9, random_state=3).as_quat()])
     np.savetxt(folder / "pose_left.txt", poses)
+    np.savetxt(folder / "velocity.txt", positions[:, 1:])
     for number in range(9):
         write_png(folder / f"rgb/{number:06d}_left.png", np.zeros((8, 10, 3), np.uint8))
     text, path = drafted(folder, tmp_path)
