@@ -232,7 +232,7 @@ def _remarks(
         if is_flow(item) and not any(key.startswith("path/flow/") for key in guesses):
             place = ", ".join(f"{name} = {quoted(str(value))}" for name, value in item.place.items())
             yield f"{item.path} looks like flow, whose intervals nobody states. Write {rows} lines, each with the times"
-            yield "at which an interval begins and ends. Then add, in [files], and in [datasets], with the rate as RATE:"
+            yield "at which an interval begins and ends. Then add to [files], and to [datasets] with the rate as RATE:"
             if not any(guess.fields.get("file") == item.role for guess in guesses.values()):
                 yield f"{item.role} = {quoted(groups[item.role].pattern)}"
             yield 'flow_times = "flow_times.txt"'
