@@ -204,9 +204,16 @@ def _part(folder: Path, part: Part) -> NpyArray:
         return npy_array(folder / name)
     path = folder / name
     changed_ns = path.stat().st_mtime_ns
-    with _decoding(path, member), zipfile.ZipFile(path) as archive, archive.open(f"{member}.npy") as stored:
-        shape, _, dtype = _header(stored)
+    with _decoding(path, member), zipfile.ZipFile(path) as archive:
+        about = archive.getinfo(f"{member}.npy")
+        with archive.open(about) as stored:
+            shape, _, dtype = _header(stored)
+            held = about.file_size - stored.tell()
     _require_numbers(_named(part), dtype)
+    # A header can state any shape, and rows are allocated before they are decoded.
+    if (stated := prod(shape) * dtype.itemsize) != held:
+        message = f"Expected {stated} bytes of {_named(part)}, got {held}"
+        raise SourceError("unreadable", "truncated", message)
     return NpyArray(path, member, changed_ns, tuple(map(int, shape)), dtype.str)
 
 

@@ -106,6 +106,9 @@ def test_stated_sizes_are_held_against_the_bytes(tmp_path: Path, monkeypatch: py
         archive.writestr("a.npy", content[:-4])
     with pytest.raises(SourceError, match="Expected 96 bytes"):
         npz_array(tmp_path / "a.npz", "a")
+    for is_joined in (False, True):
+        with pytest.raises(SourceError, match="Expected 96 bytes"):
+            arrays_of(tmp_path, ["a.npz"], "a*", is_joined=is_joined)
     np.savez(tmp_path / "b.npz", a=VALUES)
     monkeypatch.setattr(arrays, "LARGEST_BYTES", 10)
     with pytest.raises(SourceError, match="in 10 bytes at most"):
