@@ -1,5 +1,6 @@
 """The rate error of each stream's clock."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -20,6 +21,18 @@ _NTSC_HZ: Final = (24, 30, 48, 60, 120)
 
 _NOMINAL_WITHIN: Final = 0.01
 """Relative difference from a nominal rate within which a rate counts as that rate."""
+
+_CHOSEN_STEP_NS: Final = NS_PER_MS // 2
+"""Periods that are multiples of this are chosen as such, ns: every third sample of 5 ms, or a timer of 1.5 ms. The step
+is not derived. At 1 kHz it is half a period, and at 10 Hz, where whole rates are 10% apart, it is 0.5% of one."""
+
+_WRITTEN_STEPS_NS: Final = (10 * NS_PER_US, 100 * NS_PER_US)
+"""Steps to which a program rounds the period of a whole rate, ns: 33.33 ms and 33.3 ms for 30 Hz. These are 100 ppm and
+1000 ppm off the rate, as a drift may be, and so count only where they are kept within the error of the period. Of
+drifts up to 1000 ppm either way, two windows of 3 ppm, for a second of timestamps, are three of a thousand."""
+
+_WHOLE_MULTIPLES: Final = 1.5
+"""Periods of another stream from which the nearest multiple is two or more."""
 
 _LEAST_GRID_NS: Final = 10 * NS_PER_US
 """Least grid of rounded timestamps, ns: the steps of a drifting clock differ by its resolution, and have a larger
@@ -97,11 +110,14 @@ class ClocksRate(FactsCheck):
     ---
     The period is the least-squares slope of timestamps over sample numbers. Gaps are counted, and jumps of an exact
     clock are removed first (``fedora_qa/estimators/clocks/regular_clock.py``). Flow must have the rate in its name. Any
-    other stream is compared with the nearest nominal rate (a whole number of Hz, a period of whole microseconds, or
-    1000/1001 of a video rate), if another stream of the file has its nominal rate: all timestamps are of one clock.
-    Otherwise an uncommon rate is noted. In a sequence that is declared as recorded, the rate of a stream is that of
-    its sensor, which is stated and not judged; flow, and changes within the file, are judged all the same. The same
-    fit is made to each quarter of the timestamps, and the fastest quarter is compared with the slowest.
+    other stream is compared with the nearest period that a writer chooses: that of a whole number of Hz, also rounded
+    to a microsecond; of 1000/1001 of a video rate; a multiple of half a millisecond; or a multiple of the period that
+    another stream of the file keeps. The period of a whole rate rounded to 10 or 100 us (33.3 ms for 30 Hz) counts
+    where it is kept to within the bound. A deviation is a finding if another stream of the file has its nominal rate:
+    all timestamps are of one clock. Otherwise an uncommon rate is noted. In a sequence that is declared as recorded,
+    the rate of a stream is that of its sensor, which is stated and not judged; flow, and changes within the file, are
+    judged all the same. The same fit is made to each quarter of the timestamps, and the fastest quarter is compared
+    with the slowest.
 
     Noise model
     -----------
@@ -113,8 +129,9 @@ class ClocksRate(FactsCheck):
 
     Cannot detect
     -------------
-    The same ppm error of all clocks. Errors no larger than the bound, which is 1.5 ppm for one second: ``imu.timing``
-    and ``depth.consistency`` compare the content of streams instead.
+    The same ppm error of all clocks. An error that leads to another period of those above, such as 1000 ppm of 30 Hz,
+    which is 29.97 Hz on one side and 33.3 ms on the other. Errors no larger than the bound, which is 1.5 ppm for one
+    second: ``imu.timing`` and ``depth.consistency`` compare the content of streams instead.
 
     Sources
     -------
@@ -132,12 +149,13 @@ class ClocksRate(FactsCheck):
         sparse: list[Notice] = []
         inferred: dict[str, str | float] = {}
         is_recorded = facts.declared.kind == "recorded"
+        nominals_ns = _nominal_periods_ns(facts, fits)
         for stream, fit in fits.items():
             if is_recorded and stream not in facts.flow_streams:
                 # Of an oscillator of its own: that a whole number of Hz is near says nothing about its clock.
                 inferred[f"{stream}.rate_hz"] = NS_PER_S / fit.period_ns
                 continue
-            nominal_ns = _nominal_period_ns(stream, fit.period_ns, facts.clocks[stream])
+            nominal_ns = nominals_ns[stream]
             intervals = round(nominal_ns / _interval_ns(stream)) if stream in facts.flow_streams else 1
             if intervals > 1:
                 message = f"{stream} has a field for only one of {intervals} intervals"
@@ -148,8 +166,7 @@ class ClocksRate(FactsCheck):
                 continue
             ppm = 1e6 * deviation
             times_ns = facts.clocks[stream].times_ns
-            span_ns = float(np.ptp(times_ns[facts.clocks[stream].advancing]))
-            least_grid_ns = max(NS_PER_US, fit.grid_ns)
+            least_grid_ns = _grid_ns(fit)
 
             # A grid that nearly divides the period makes all steps equal but a few, like another rate with jumps. A
             # grid slightly above the period makes all steps equal but a few that are zero.
@@ -171,7 +188,7 @@ class ClocksRate(FactsCheck):
                 # Jitter within the grid is rounding, which the bound covers; jitter above it is white over samples.
                 standard_error=0.0 if fit.jitter_ns <= least_grid_ns else 1e6 * fit.period_error_ns / nominal_ns,
                 # |error of the slope| <= 3/2 g/T for a grid g over a span T (derivation at _WORST_ROUNDING).
-                model_error_bound=1e6 * _WORST_ROUNDING * least_grid_ns / span_ns,
+                model_error_bound=1e6 * _rounding(facts.clocks[stream], fit),
                 statement=f"The period of {stream} is {fit.period_ns / NS_PER_US:.6g} us, {ppm:+.4g} ppm off the "
                 f"nominal {nominal_ns / NS_PER_US:.6g} us.",
                 code="clocks.rate.error",
@@ -181,11 +198,7 @@ class ClocksRate(FactsCheck):
         # If streams keep a nominal rate, the clock of the file is correct: all timestamps are of one clock, and the
         # other streams can be judged by it.
         exact = [m for m in errors.values() if abs(m.value) <= m.model_error_bound + 3 * m.standard_error]
-        changes = (
-            _change(facts, stream, fit, _nominal_period_ns(stream, fit.period_ns, facts.clocks[stream]))
-            for stream, fit in fits.items()
-            if fit.regular
-        )
+        changes = (_change(facts, stream, fit, nominals_ns[stream]) for stream, fit in fits.items() if fit.regular)
         # Flow is judged in any case: its nominal rate stands in its name.
         judged = {stream for stream in fits if exact or stream.startswith("flow/")}
         measurements = (
@@ -214,20 +227,60 @@ def _interval_ns(flow_stream: str) -> float:
     return NS_PER_S / flow_rate_hz(flow_stream)
 
 
+def _grid_ns(fit: RegularClock) -> int:
+    return max(NS_PER_US, fit.grid_ns)
+
+
+def _rounding(clock: Clock, fit: RegularClock) -> float:
+    """Return the bound of the relative error of a period by rounding of timestamps (derivation at _WORST_ROUNDING)."""
+    return _WORST_ROUNDING * _grid_ns(fit) / float(np.ptp(clock.times_ns[clock.advancing]))
+
+
+def _nominal_periods_ns(facts: Facts, fits: Mapping[str, RegularClock]) -> dict[str, float]:
+    """Return the nominal period of each stream, ns: also a multiple of a period that another stream keeps."""
+    nominals_ns = {
+        stream: _nominal_period_ns(stream, fit.period_ns, facts.clocks[stream]) for stream, fit in fits.items()
+    }
+    sampled = [stream for stream in fits if facts.clocks[stream].ends_ns is None]
+    kept_ns: set[float] = set()
+    for stream in sampled:
+        period_ns, nominal_ns = fits[stream].period_ns, nominals_ns[stream]
+        within_ns = nominal_ns * _rounding(facts.clocks[stream], fits[stream])
+        rounded_ns = [step_ns * round(_whole_rate_ns(period_ns) / step_ns) for step_ns in _WRITTEN_STEPS_NS]
+        for candidate_ns in (nominal_ns, *rounded_ns):
+            if abs(period_ns - candidate_ns) <= within_ns:
+                nominals_ns[stream] = candidate_ns
+                kept_ns.add(candidate_ns)
+                break
+    for stream in sampled:
+        period_ns = fits[stream].period_ns
+        # Every second sample at least: a stream of the same rate may have the same wrong clock.
+        multiples_ns = [kept * round(period_ns / kept) for kept in kept_ns if period_ns > _WHOLE_MULTIPLES * kept]
+        candidates_ns = [nominals_ns[stream], *multiples_ns]
+        nominals_ns[stream] = min(candidates_ns, key=lambda nominal: abs(nominal - period_ns))
+    return nominals_ns
+
+
+def _whole_rate_ns(period_ns: float) -> float:
+    """Return the period of the nearest whole number of Hz, ns."""
+    return NS_PER_S / max(round(NS_PER_S / period_ns), 1)
+
+
 def _nominal_period_ns(stream: str, period_ns: float, clock: Clock) -> float:
     """Return the nearest nominal period, ns; for flow the one in the stream's name, or a multiple of it.
 
     Flow may have a field for only each second or third interval: its fields then last as long as the name states.
     Nominal rates of others are whole numbers of Hz, exactly or with a period rounded to whole microseconds (as many
-    recorders write), and 1000/1001 of video rates (29.97 Hz and others).
+    recorders write), those of whole and half milliseconds, and 1000/1001 of video rates (29.97 Hz and others).
     """
     if clock.ends_ns is not None:
         interval_ns = _interval_ns(stream)
         fields_ns = float(np.median(clock.ends_ns - clock.times_ns))
         is_named = abs(fields_ns / interval_ns - 1) <= _NOMINAL_WITHIN
         return interval_ns * max(round(period_ns / interval_ns), 1) if is_named else interval_ns
-    exact_ns = NS_PER_S / max(round(NS_PER_S / period_ns), 1)
+    exact_ns = _whole_rate_ns(period_ns)
     candidates = [exact_ns, max(round(exact_ns / NS_PER_US), 1) * NS_PER_US]
+    candidates.append(max(round(period_ns / _CHOSEN_STEP_NS), 1) * _CHOSEN_STEP_NS)
     # Video at 1000/1001 of its rate: 29.97 Hz has the period of 30 Hz times 1.001.
     if round(NS_PER_S / exact_ns) in _NTSC_HZ:
         candidates.append(exact_ns * 1.001)

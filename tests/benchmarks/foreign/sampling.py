@@ -20,12 +20,19 @@ def every_nth(period: int, *streams: str) -> Change:
     return change
 
 
-def imu_every_second(file: h5py.File) -> None:
-    """Keep every second IMU sample; ``sigma = density sqrt(rate)`` stays, so that the densities grow by sqrt 2."""
-    keep_rows(file, "imu", slice(None, None, 2))
-    attributes = file["metadata/imu"].attrs
-    for name in ("gyro_noise_density", "accel_noise_density"):
-        attributes[name] = attributes[name] * np.sqrt(2.0)
+def imu_every(period: int) -> Change:
+    """Return the change that keeps every n-th IMU sample.
+
+    ``sigma = density sqrt(rate)`` stays, so that the densities grow by ``sqrt(n)``.
+    """
+
+    def change(file: h5py.File) -> None:
+        keep_rows(file, "imu", slice(None, None, period))
+        attributes = file["metadata/imu"].attrs
+        for name in ("gyro_noise_density", "accel_noise_density"):
+            attributes[name] = attributes[name] * np.sqrt(float(period))
+
+    return change
 
 
 def sparse_flow(file: h5py.File) -> None:

@@ -138,12 +138,23 @@ _SAMPLING: Final = (
     Transformation("flow at 10 Hz only", sampling.only_flow("10hz"), ("path/flow",), "DSEC, which has one rate"),
     Transformation(
         "IMU at 500 Hz",
-        sampling.imu_every_second,
+        sampling.imu_every(2),
         ("path/imu", "metadata/imu"),
         "Real IMUs; the declared densities are adapted",
     ),
     Transformation("pose at 100 Hz", sampling.every_nth(2, "pose"), ("path/pose",), "Motion capture"),
     Transformation("pose at 50 Hz", sampling.every_nth(4, "pose"), ("path/pose",), "A pose for each frame"),
+    Transformation("pose every 15 ms", sampling.every_nth(3, "pose"), ("path/pose",), "A pose for every third sample"),
+    Transformation("pose every 35 ms", sampling.every_nth(7, "pose"), ("path/pose",), "Logs made small"),
+    *(
+        Transformation(
+            f"IMU every {period} ms",
+            sampling.imu_every(period),
+            ("path/imu", "metadata/imu"),
+            f"Loops of {period} ms; the declared densities are adapted",
+        )
+        for period in (3, 6, 7)
+    ),
     Transformation("colour begins a frame late", sampling.colour_begins_late, COLOUR, "Recorders that start in turn"),
     Transformation("depth ends a frame early", sampling.depth_ends_early, DEPTH, "Recorders that stop in turn"),
     Transformation("no frame at the end", sampling.half_open_span, ALL, "np.arange, without its end"),

@@ -237,8 +237,8 @@ def test_a_grid_of_half_a_period_is_no_other_rate() -> None:
     best = max(hypotheses, key=lambda hypothesis: hypothesis.support)
     assert (best.cause, best.magnitude) == ("quantised_time", 10.3)
     # A clock that runs 1% slow, and was set back by half a period once, does not keep the nominal period.
-    slow = exact_facts().clocks["rgb"].times_ns * 103 // 100
-    slow[40:] -= 10_300_000
+    slow = exact_facts().clocks["rgb"].times_ns * 10095 // 10000
+    slow[40:] -= 10_095_000
     hypotheses = proposed("clocks.rate", with_clock(exact_facts(), "rgb", clock(slow)))
     assert {hypothesis.cause for hypothesis in hypotheses} == {"clock_rate"}
 
@@ -287,12 +287,12 @@ def test_few_frames_on_a_grid_above_their_period_are_not_doubled() -> None:
 
 @pytest.mark.parametrize("start", [0, 7, 13])
 def test_a_grid_just_above_the_period_repeats_a_timestamp_or_two(start: int) -> None:
-    """Half a second of frames at 50 Hz on a grid of 21 ms: the grid is named, not a doubled frame or another rate."""
-    frames = (exact_facts().clocks["rgb"].times_ns[start : start + 25] + 10_500_000) // 21_000_000 * 21_000_000
+    """Half a second of frames at 50 Hz on a grid of 21.2 ms: the grid is named, not a doubled frame or another rate."""
+    frames = (exact_facts().clocks["rgb"].times_ns[start : start + 25] + 10_600_000) // 21_200_000 * 21_200_000
     coarse = with_clock(exact_facts(), "rgb", clock(frames))
     for check in ("clocks.order", "clocks.rate"):
         best = max(proposed(check, coarse), key=lambda hypothesis: hypothesis.support)
-        assert (best.cause, best.stream, best.magnitude) == ("quantised_time", "rgb", pytest.approx(21.0)), check
+        assert (best.cause, best.stream, best.magnitude) == ("quantised_time", "rgb", pytest.approx(21.2)), check
 
 
 def test_one_doubled_frame_lies_on_no_odd_grid() -> None:
@@ -440,6 +440,36 @@ def test_any_rounded_clock_keeps_its_rate(stream: str, rate_hz: float) -> None:
     timestamps = np.rint(1e6 * np.arange(200) / nominal).astype(np.int64) * 1000
     observation = ClocksRate().examine(with_clock(exact_facts(), stream, clock(timestamps)))
     assert judge({"clocks.rate": observation}, [ClocksRate()], 1e-4)[0].result.outcome == "passed"
+
+
+CHOSEN_US = [
+    *[("pose", period_us) for period_us in (15_000, 35_000, 7_500, 12_500, 16_700, 33_330, 33_300, 45_000)],
+    *[("imu", period_us) for period_us in (500, 1_500, 2_500, 3_000, 6_000, 7_000, 9_000, 11_000, 13_000, 17_000)],
+]
+
+
+@pytest.mark.parametrize(("stream", "period_us"), CHOSEN_US)
+def test_a_period_that_a_writer_chooses_is_no_clock_error(stream: str, period_us: int) -> None:
+    """Every third sample of 5 ms, a timer of 7 ms, 30 Hz as 33.3 ms."""
+    facts = with_clock(exact_facts(), stream, clock(np.arange(0, 2_000_000, period_us) * 1000))
+    assert judged("clocks.rate", facts).result.outcome == "passed"
+
+
+def test_every_fourth_frame_of_video_is_no_clock_error() -> None:
+    """7.5 Hz is no whole rate; its period is four of those that colour keeps."""
+    frames_ns = np.rint(1e6 * np.arange(120) / 30).astype(np.int64) * 1000
+    facts = with_clock(with_clock(exact_facts(), "rgb", clock(frames_ns)), "depth", clock(frames_ns[::4]))
+    assert judged("clocks.rate", facts).result.outcome == "passed"
+
+
+@pytest.mark.parametrize("ppm", [5.0, -20.0, 100.0])
+@pytest.mark.parametrize("period_us", [1_000, 3_000, 5_000, 15_000, 20_000, 40_000])
+def test_a_drift_of_a_chosen_period_is_measured(period_us: int, ppm: float) -> None:
+    """A clock that runs by a few ppm too fast is off the period that was chosen, not off another one."""
+    timestamps_ns = np.rint(np.arange(0, 2_000_000, period_us) * (1 + 1e-6 * ppm)).astype(np.int64) * 1000
+    result = judged("clocks.rate", with_clock(exact_facts(), "pose", clock(timestamps_ns)))
+    assert result.result.outcome == "failed"
+    assert result.alarms[0].statistic.value == pytest.approx(ppm, abs=1.5)
 
 
 @pytest.mark.parametrize("name", sorted(set(CLOCKS) - {"clocks.span"}))
