@@ -21,6 +21,20 @@ _SATURATED_NS: Final = FARTHEST_TIMESTAMP_NS - 2 * NS_PER_S
 """Timestamps saturate at whole units, of a second at most, and the origin lies within a unit."""
 
 
+_FAR_SPANS: Final = 100
+"""Times the others of its stream last, beyond which a single timestamp has no place in time. The value is not derived:
+pauses of a recording, and wrong units of a part, leave more than two successive samples at either side."""
+
+_MOST_FAR: Final = 2
+"""Successive timestamps that may be far: three are those of a clock."""
+
+_FEWEST_TO_COMPARE: Final = 5
+"""Timestamps of which the middle half says how long the others last, with one of them far."""
+
+_COMPARED: Final = 1001
+"""Timestamps, evenly spaced among the rows, of which the middle half is taken."""
+
+
 @dataclass(frozen=True, slots=True)
 class Clock:
     """The timestamps of one stream (not of events: they are scanned, not kept).
@@ -61,8 +75,30 @@ def has_place(times_ns: Int64) -> NDArray[np.bool_]:
     return np.abs(times_ns) < _SATURATED_NS
 
 
+def far_rows(times_ns: Int64) -> NDArray[np.intp]:
+    """Return the rows (k,) of one or two successive timestamps that lie far from all others of a stream.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps of a stream or of a block of events, ns from the file's origin.
+    """
+    if len(times_ns) < _FEWEST_TO_COMPARE:
+        return np.empty(0, np.intp)
+    rows = np.linspace(0, len(times_ns) - 1, min(len(times_ns), _COMPARED)).astype(np.intp)
+    first_ns, middle_ns, last_ns = np.percentile(times_ns[rows], (25, 50, 75))
+    # The middle half lasts half as long as all of a stream whose samples are evenly spaced.
+    far_ns = 2 * _FAR_SPANS * (last_ns - first_ns)
+    if not far_ns or max(times_ns.max() - middle_ns, middle_ns - times_ns.min()) <= far_ns:
+        return np.empty(0, np.intp)
+    far = np.flatnonzero(np.abs(times_ns - middle_ns) > far_ns)
+    runs = np.split(far, np.flatnonzero(np.diff(far) > 1) + 1)
+    short = [run for run in runs if len(run) <= _MOST_FAR]
+    return np.concatenate(short) if short else far[:0]
+
+
 def clock_of(times_ns: Int64, ends_ns: Int64 | None) -> Clock:
-    """Return the clock of a stream from its timestamps.
+    """Return the clock of a stream from its timestamps; one that lies far from all others has no place in time.
 
     Parameters
     ----------
@@ -76,6 +112,11 @@ def clock_of(times_ns: Int64, ends_ns: Int64 | None) -> Clock:
     Clock
         With the samples that advance.
     """
+    times_ns = times_ns.copy()
+    times_ns[far_rows(times_ns)] = INVALID_TIMESTAMP_NS
+    if ends_ns is not None:
+        ends_ns = ends_ns.copy()
+        ends_ns[far_rows(ends_ns)] = INVALID_TIMESTAMP_NS
     advancing = has_place(times_ns)
     # Against the running maximum, not the neighbour: after a jump forwards and back, timestamps are behind until they
     # exceed the jump.
@@ -155,8 +196,8 @@ class EventScan:
     longest_steps
         Up to eight of either direction, in the order of the file.
     unplaced, first_unplaced
-        Number of events whose timestamp has no place in time, which nothing above counts but ``count``, and the row of
-        the first, -1 without one.
+        Number of events whose timestamp has no place in time, or lies far from all others, which nothing above counts
+        but ``count``, and the row of the first, -1 without one.
     instants
         Number of steps forwards, and one: that of different timestamps where none decreases.
     shortest_step_ns
@@ -177,6 +218,10 @@ class EventScan:
     first_unplaced: int = -1
     instants: int = 0
     shortest_step_ns: int = 0
+
+    def placed(self, times_ns: Int64) -> NDArray[np.bool_]:
+        """Return where timestamps (n,) of events, ns from the file's origin, have a place in time, near the others."""
+        return has_place(times_ns) & (times_ns >= self.first_ns) & (times_ns <= self.last_ns)
 
     def strays(self, begin_ns: float, finish_ns: float) -> tuple[StrayEvents, ...]:
         """Return the events that lie far from the other streams, and from all other events.

@@ -24,6 +24,7 @@ from fedora_qa.sequence.facts import (
     IndexMap,
     MillisecondMap,
     clock_of,
+    far_rows,
     has_place,
     milliseconds_ns,
 )
@@ -153,6 +154,7 @@ class _EventTally:
     def add(self, start: int, times_ns: Int64) -> None:
         """Add the timestamps of one block, whose first row is ``start``."""
         placed = has_place(times_ns)
+        placed[far_rows(times_ns)] = False
         if not np.all(placed):
             self.unplaced += int(np.count_nonzero(~placed))
             self.first_unplaced = self.first_unplaced if self.first_unplaced >= 0 else start + int(np.argmin(placed))

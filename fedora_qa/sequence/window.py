@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.layout.canonical import timestamps_of
-from fedora_qa.sequence.facts import Facts, has_place
+from fedora_qa.sequence.facts import Facts
 
 _UNLIMITED: Final = 1 << 62
 
@@ -428,7 +428,7 @@ class Window:
         times_ns = self.rows(timestamps_of("events"), start, stop)
         p = self.rows("path/events/p", start, stop)
         if self.facts.events is not None and self.facts.events.unplaced:
-            placed = has_place(times_ns)
+            placed = self.facts.events.placed(times_ns)
             x, y, times_ns, p = x[placed], y[placed], times_ns[placed], p[placed]
         if np.any(times_ns[1:] < times_ns[:-1]):
             # Stable: events of one timestamp keep their order in the file.

@@ -10,7 +10,7 @@ from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
 from fedora_qa.record.types import FileRecord
-from fedora_qa.sequence.facts import clock_of
+from fedora_qa.sequence.facts import clock_of, has_place
 from fedora_qa.sequence.sequence import open_sequence
 from tests.support.handmade import write_handmade
 
@@ -45,7 +45,9 @@ def test_no_first_timestamp_moves_the_origin(stream: str, value: float, tmp_path
 
 
 @pytest.mark.parametrize("row", [0, 2], ids=["first", "middle"])
-@pytest.mark.parametrize("value", [LEAST, LARGEST, np.nan], ids=["least", "largest", "NaN"])
+@pytest.mark.parametrize(
+    "value", [LEAST, LARGEST, np.nan, 0.0, 2.0 * EPOCH_US], ids=["least", "largest", "NaN", "0", "2080"]
+)
 @pytest.mark.parametrize("stream", ["events", "imu", "pose", "rgb"])
 def test_no_other_stream_is_accused(stream: str, value: float, row: int, tmp_path: Path) -> None:
     """The stream is named, for a value that is none, and the others pass all that needs timestamps alone."""
@@ -66,3 +68,20 @@ def test_a_clock_without_a_place_in_time_does_not_advance() -> None:
     clock = clock_of(times_ns, None)
     assert clock.advancing.tolist() == [False, True, False, False, True]
     assert clock.envelope_ns.tolist() == [10, 10, 10, 10, 20]
+
+
+@pytest.mark.parametrize("row", [0, 25, 50])
+@pytest.mark.parametrize("far_ns", [-(10**18), -2_100_000_000_000, 2_100_000_000_000, 10**18])
+def test_one_timestamp_far_from_the_others_has_no_place(row: int, far_ns: int) -> None:
+    """Half an hour from a second of frames, or 30 years."""
+    times_ns = np.arange(51) * 20_000_000
+    times_ns[row] += far_ns
+    assert np.flatnonzero(~has_place(clock_of(times_ns, None).times_ns)).tolist() == [row]
+
+
+@pytest.mark.parametrize(("rows", "far_ns"), [(slice(20, 23), 10**18), (slice(30, None), -(10**18)), (20, 10**9)])
+def test_a_part_on_another_clock_and_a_late_timestamp_have_a_place(rows: slice | int, far_ns: int) -> None:
+    """Three successive timestamps are those of a clock, and one that is late by a second is not absurd."""
+    times_ns = np.arange(51) * 20_000_000
+    times_ns[rows] += far_ns
+    assert has_place(clock_of(times_ns, None).times_ns).all()

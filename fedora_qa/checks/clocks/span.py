@@ -21,7 +21,7 @@ from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS
 from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.facts import Facts, StrayEvents
+from fedora_qa.sequence.facts import Facts, StrayEvents, has_place
 
 _LONGEST_PERIOD_NS: Final = NS_PER_S // 10
 """Period that a stream of two samples or fewer may have, ns. No sampled stream of the known datasets is slower than
@@ -177,9 +177,11 @@ class ClocksSpan(FactsCheck):
                 continue
             period_ns = fits[stream].period_ns
             counts = ((start - begin) / period_ns, (finish - stop) / period_ns)
-            for count, rule, end in zip(counts, ("first", "last"), ("begin", "end"), strict=True):
+            # A sample whose timestamp has no place in time is counted by integrity.finite.
+            placed = has_place(facts.clocks[stream].times_ns[[0, -1]])
+            for count, rule, end, is_placed in zip(counts, ("first", "last"), ("begin", "end"), placed, strict=True):
                 # A sample is due within the jitter of its time; 1e-6 covers the rounding of the division.
-                if count >= 1 - fits[stream].jitter_ns / period_ns - 1e-6:
+                if is_placed and count >= 1 - fits[stream].jitter_ns / period_ns - 1e-6:
                     missing = f"{stream} lacks {int(count + 0.5)} of its samples at its {end}"
                     message = f"{missing}: most other streams cover the time at which the {rule} one is due"
                     notices.append(Notice(f"clocks.span.{rule}_missing", message, Where(stream=stream)))

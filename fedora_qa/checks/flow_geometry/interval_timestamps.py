@@ -16,7 +16,7 @@ from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import flow_rate_hz
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.sequence.facts import Clock, Facts, has_place
 
 Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
@@ -136,8 +136,12 @@ def timestamp_statistics(facts: Facts) -> list[Statistic]:
         clock, frames = facts.clocks[stream], facts.clocks["depth"]
         if clock.ends_ns is None or not len(clock.times_ns):
             continue
+        # Timestamps without a place in time are counted by integrity.finite.
+        placed = has_place(clock.times_ns) & has_place(clock.ends_ns)
         on_frames = np.isin(clock.times_ns, instants_ns) & np.isin(clock.ends_ns, instants_ns)
-        off_frames = np.flatnonzero(~on_frames)
+        off_frames = np.flatnonzero(~on_frames & placed)
+        if not has_place(frames.times_ns).all():
+            off_frames = off_frames[~_is_at_lost_frame(frames, clock.times_ns[off_frames], clock.ends_ns[off_frames])]
         lengths_ns = clock.ends_ns - clock.times_ns
         # Intervals of one rate abut (format.md, Instants): compared as integers, without a tolerance.
         pauses_ns = clock.times_ns[1:] - clock.ends_ns[:-1]
@@ -145,9 +149,10 @@ def timestamp_statistics(facts: Facts) -> list[Statistic]:
         if _is_sparse(pauses_ns, lengths_ns):
             # Pauses end on frames: one that is not the usual one differs by a whole frame step.
             gaps = np.flatnonzero(np.abs(pauses_ns - np.median(pauses_ns)) > _frame_step_ns(frames) / 2) + 1
+        gaps = gaps[placed[gaps - 1] & placed[gaps]]
         nominal_ns = NS_PER_S / flow_rate_hz(stream)
         # Intervals end on frames: a wrong length is wrong by a whole frame step.
-        wrong_length = np.flatnonzero(np.abs(lengths_ns - nominal_ns) > _frame_step_ns(frames) / 2)
+        wrong_length = np.flatnonzero((np.abs(lengths_ns - nominal_ns) > _frame_step_ns(frames) / 2) & placed)
 
         of_frames = _features_off_frames(facts, stream, clock, clock.ends_ns, off_frames)
         of_gaps = of_frames
@@ -217,6 +222,7 @@ def _frame_instants(facts: Facts) -> Int64:
     not make flow on other timestamps correct.
     """
     depth_ns, rgb = facts.clocks["depth"].times_ns, facts.clocks.get("rgb")
+    depth_ns = depth_ns[has_place(depth_ns)]
     others_ns = np.empty(0, np.int64) if rgb is None else rgb.times_ns
     if not len(others_ns):
         clocks = [facts.clocks[stream] for stream in facts.flow_streams]
@@ -224,6 +230,17 @@ def _frame_instants(facts: Facts) -> Int64:
         others_ns = np.concatenate([*(clock.times_ns for clock in clocks), *ends_ns])
     is_sparse = bool(np.isin(depth_ns, others_ns).all())
     return np.union1d(depth_ns, others_ns) if is_sparse else depth_ns
+
+
+def _is_at_lost_frame(frames: Clock, *instants_ns: Int64) -> Mask:
+    """Return the intervals (n,) that start or end farther from all frames than from one that has no place in time."""
+    placed_ns, reach_ns = frames.times_ns[has_place(frames.times_ns)], _NEXT_FRAME * _frame_step_ns(frames)
+    if not len(placed_ns):
+        return np.ones(len(instants_ns[0]), np.bool_)
+    is_far: Mask = np.zeros(len(instants_ns[0]), np.bool_)
+    for ends_ns in instants_ns:
+        is_far |= np.abs(offsets_from_nearest(placed_ns, ends_ns)) > reach_ns
+    return is_far
 
 
 def _on(frames: Clock, times_ns: Int64) -> Mask:

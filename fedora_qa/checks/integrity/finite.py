@@ -76,13 +76,14 @@ class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
 
     How
     ---
-    IMU and pose samples must be finite. Timestamps must be finite, and less than 73 years from the file's origin. Depth
-    must be NaN, or finite and within ``depth_range`` (above zero where no range is declared). Flow must be NaN, or a
-    displacement that a surface in view can have. Neither depth nor flow may be infinite. Images that are NaN throughout
-    are counted where the images before and after are more than half valid: within one interval of frames, half of a 60
-    degree view would have to leave the range and return. Where depth values outside the range fall into it after
-    multiplication by 1000, the suspected unit is metres. Where all of them are one number, the suspected cause is a
-    code for invalid pixels.
+    IMU and pose samples must be finite. Timestamps must be finite, less than 73 years from the file's origin, and,
+    where only one or two in a row are, no farther from the others of their stream than 100 times as long as these last.
+    Depth must be NaN, or finite and within ``depth_range`` (above zero where no range is declared). Flow must be NaN,
+    or a displacement that a surface in view can have. Neither depth nor flow may be infinite. Images that are NaN
+    throughout are counted where the images before and after are more than half valid: within one interval of frames,
+    half of a 60 degree view would have to leave the range and return. Where depth values outside the range fall into it
+    after multiplication by 1000, the suspected unit is metres. Where all of them are one number, the suspected cause is
+    a code for invalid pixels.
 
     Noise model
     -----------
@@ -256,10 +257,8 @@ def run_of(rows: Sequence[int]) -> tuple[int, int] | None:
 
 
 def _unplaced(stream: str, count: int, first: int) -> Statistic:
-    # 73 years are ``FARTHEST_TIMESTAMP_NS``.
-    text = (
-        f"{count} timestamps of {stream} are NaN, or 73 years or more from the others; these samples have no valid time"
-    )
+    noun, verb = ("timestamp", "is") if count == 1 else ("timestamps", "are")
+    text = f"{count} {noun} of {stream} {verb} NaN or far from all others: such samples have no valid time"
     where = Where(stream=stream, index_start=first if count else None)
     return _count(f"{stream}.stamps_not_finite", count, "samples", text, where)
 

@@ -1,11 +1,15 @@
 """Stamps that left their frames: by a constant, by a drift, or onto a grid; each way is recovered with its size."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.checks.flow_geometry.interval_timestamps import timestamp_patterns
+from fedora_qa.checks.flow_geometry.interval_timestamps import timestamp_patterns, timestamp_statistics
+from fedora_qa.sequence.facts import clock_of
+from tests.support.facts import FLOW_PERIODS_NS, exact_facts, with_clock
 
 MS = 1_000_000
 FRAMES_NS = np.arange(0, 1_001 * MS, 20 * MS)
@@ -65,3 +69,18 @@ def test_another_unit_is_no_offset() -> None:
     """Stamps in nanoseconds, read as microseconds, lie beyond all frames and step a thousand times as far."""
     assert [(p.pattern, p.magnitude) for p in timestamp_patterns(1000 * FRAMES_NS, FRAMES_NS)] == [("unit", 1000.0)]
     assert timestamp_patterns(FRAMES_NS + 5_000 * MS, FRAMES_NS) == ()
+
+
+@pytest.mark.parametrize(("stream", "row"), [("depth", 50), ("depth", 100), ("flow/50hz", 3), ("flow/10hz", 0)])
+@pytest.mark.parametrize("side", ["start", "end"])
+def test_a_timestamp_without_a_place_is_no_wrong_interval(stream: str, row: int, side: str) -> None:
+    """What ``integrity.finite`` counts is no second finding: neither of its interval nor of those that end on it."""
+    facts = exact_facts()
+    held = facts.clocks[stream]
+    starts_ns, ends_ns = held.times_ns.copy(), None if held.ends_ns is None else held.ends_ns.copy()
+    (starts_ns if side == "start" or ends_ns is None else ends_ns)[row] = 10**18
+    facts = with_clock(facts, stream, clock_of(starts_ns, ends_ns))
+    facts = replace(facts, streams=facts.streams | set(FLOW_PERIODS_NS))
+    statistics = timestamp_statistics(facts)
+    assert len(statistics) == 9
+    assert not [statistic.name for statistic in statistics if statistic.value]
