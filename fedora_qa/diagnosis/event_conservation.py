@@ -146,7 +146,7 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     # events mostly have equal timestamps as well, which ``event_stream.duplicates`` detects; lost events are not
     # detected otherwise.
     if no_events:
-        samples: tuple[Hypothesis, ...] = (Hypothesis("dropped_samples", "events", _support("no_events")),)
+        samples: tuple[Hypothesis, ...] = (Hypothesis("missing_stream", "events", _support("no_events")),)
     else:
         lost, doubled = ("lost_of_few", "doubled_of_few") if few else ("lost_of_many", "doubled_of_many")
         samples = (

@@ -78,6 +78,14 @@ def test_what_mends_is_named(fault: Fault, cause: str, magnitude: float | None, 
     assert (first.stream, first.cause, first.magnitude) == ("events", cause, magnitude)
 
 
+def test_no_event_beside_colour_that_changes_is_a_missing_stream(tmp_path: Path) -> None:
+    """All events are lost, which is what a file without colour is told."""
+    clean = log_file(SMOOTH_WORLD)
+    none = kept(clean.events, np.zeros(len(clean.events.x), np.bool_))
+    first = diagnosed(clean.altered(events=none), tmp_path / "faulty.h5")[0]
+    assert (first.stream, first.cause) == ("events", "missing_stream")
+
+
 def without_columns(events: Stream) -> Stream:
     return kept(events, (events.x < 40) | (events.x >= 42))
 

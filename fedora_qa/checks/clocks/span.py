@@ -169,7 +169,7 @@ class ClocksSpan(FactsCheck):
         failed = {m.where.stream for m in statistics if abs(m.value) > m.model_error_bound}
         notices: list[Notice] = []
         if facts.events is not None and not facts.events.count and "rgb" in facts.clocks:
-            message = f"there are no events in {(finish - begin) / NS_PER_S:.3g} s, as in a scene without change"
+            message = f"there are no events in {(finish - begin) / NS_PER_S:.3g} s, which only a still scene explains"
             notices.append(Notice("clocks.span.no_events", message, Where(stream="events")))
         # Streams whose next sample would have been due before, or at, the instant where half of the streams end.
         for stream, (start, stop) in ends.items():
