@@ -55,8 +55,9 @@ class MetadataComplete(FactsCheck):
     malformed. Any impossible number is a finding as well: one below zero, NaN, or a range that ends before it begins.
     An optional attribute that is malformed, or a whole group that is absent, is only noted: the checks that need it are
     weaker, or cannot run. Also noted are forms whose meaning is clear, such as a width as a float or a name in upper
-    case, and a light (day or night) that contradicts the name of the sequence or of its world. A file of the canonical
-    layout without any metadata gives one finding, not thirty.
+    case, and a light (day or night) that contradicts the name of the sequence or of its world, or names of which one
+    states the day and the other the night. A file of the canonical layout without any metadata gives one finding, not
+    thirty.
 
     Noise model
     -----------
@@ -65,8 +66,8 @@ class MetadataComplete(FactsCheck):
     Cannot detect
     -------------
     Whether a declaration is true: the checks that measure the declared quantity test that. Brightness does not
-    distinguish day from night, because exposure compensates for the light. Declarations of streams that the file does
-    not hold are not required.
+    distinguish day from night, because exposure compensates for the light. Names are free, so that no other word of a
+    sequence's name contradicts its world. Declarations of streams that the file does not hold are not required.
 
     Sources
     -------
@@ -130,11 +131,16 @@ class MetadataComplete(FactsCheck):
                     "compares what this camera images with other streams"
                 )
                 notices.append(Notice("metadata.complete.camera_model", message, Where(stream="metadata")))
-        light = _light(declared.illumination)
-        for name, text in (("sequence", declared.sequence), ("world", declared.world)):
-            if light and _light(text) not in {"", light}:
-                # A name is no declaration: "day 3" may count days.
-                message = f"the {name} is named {text!r}, and the declared illumination is {declared.illumination!r}"
+        # A name is no declaration: "day 3" may count days.
+        words = (
+            (f"the declared illumination is {declared.illumination!r}", _light(declared.illumination)),
+            (f"the sequence is named {declared.sequence!r}", _light(declared.sequence)),
+            (f"the world is named {declared.world!r}", _light(declared.world)),
+        )
+        stated = [(text, light) for text, light in words if light]
+        for text, light in stated[1:]:
+            if light != stated[0][1]:
+                message = f"{text}, and {stated[0][0]}"
                 notices.append(Notice("metadata.complete.contradiction", message, Where(stream="metadata")))
         if not statistics:
             statistics.append(no_faults("declaration_problems", "declarations", self.name))

@@ -316,6 +316,8 @@ def test_another_unit_in_upper_case_is_still_another(path: Path) -> None:
         ("park-day", "park", "night", True),
         ("baylands-ngt1", "baylands", "day", True),
         ("one", "city at night", "Day", True),
+        ("park-night", "park by day", "", True),
+        ("park-night", "park", "night", False),
         ("Baylands Day1", "baylands", "day", False),
         ("holiday", "sundayton", "night", False),
         ("day-and-night", "knights", "night", False),
