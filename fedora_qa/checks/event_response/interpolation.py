@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.estimators.events.time_jitter import (
+    BLEND_OF_SIGNAL,
     FEWEST_EVENTS,
     LEAST_SPACING_TICKS,
+    Blend,
     chance_of_line,
     straight_runs,
 )
 from fedora_qa.estimators.images.samples import tracked_motion_px
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
@@ -40,6 +43,21 @@ Of m lines that are as likely in either place, all lie within with a probability
 must lie within as have the false-alarm rate of z standard errors: m = 20 for z = 4.7. With ``a`` lines added, the limit
 is z sqrt(2 a) = 21 lines, of as many runs in either place.
 """
+
+Domain = Literal["signal", "light", "codes"]
+"""What is blended linearly between two renders."""
+
+CODE_EXPONENTS: Final = {"srgb": 1 / 2.4, "gamma2.2": 1 / 2.2}
+"""Exponent g of code ~ light^g, but for a constant, by transfer curve. The sRGB curve has it above 0.8 DN of light.
+Codes of the linear transfer are light."""
+
+SPACING_SHARE: Final = 0.02
+"""Error of a level that is allowed to blends of light and codes, in thresholds: half a step of 1 DN in light of 125 DN,
+for a threshold of 0.2 nat. A larger share admits more real motion, in which light is smooth as well. Blends that are
+not rounded need none."""
+
+FEWEST_BLENDS: Final = 10
+"""Fewest blends in a frame interval between which the signal is taken for a straight line."""
 
 CLEAR: Final = 3.0
 """Standard errors from which the number of renders with the largest deviation is stated; else the first number."""
@@ -74,8 +92,12 @@ class RunCounts:
     Attributes
     ----------
     within, across
-        (len(STEPS), 3) runs, runs on a line and events, from each supposed render to the next, and from the middle
-        between two of them to the next middle.
+        (len(STEPS), 2 + m) runs, events in runs, and runs on a line of each of m blends, from each supposed render to
+        the next, and from the middle between two of them to the next middle.
+    scatter
+        (len(STEPS), m, 3) sums over frame intervals of l^2, l n and n^2, for l lines among n runs across renders.
+    domains
+        (m,) what is blended.
     intervals, lengths_ns
         (len(STEPS),) number of frame intervals with sufficient motion, and the sum of their lengths, ns.
     frames
@@ -90,6 +112,8 @@ class RunCounts:
 
     within: NDArray[np.int64]
     across: NDArray[np.int64]
+    scatter: NDArray[np.int64]
+    domains: tuple[Domain, ...]
     intervals: NDArray[np.int64]
     lengths_ns: NDArray[np.int64]
     frames: int
@@ -103,9 +127,9 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
     """Are events interpolated between frames, along straight lines in time?
 
     The share of runs (three or more events of a pixel between two renders) that lie on a straight line from the first
-    render to the second, minus the same share in intervals that begin and end halfway between renders. Renders are
-    assumed at the frames, and at 2, 3, 4, 5, 6, 8 and 10 times their rate. A correct file gives 0; a file whose events
-    are all interpolated gives 1.
+    render to the second, of the signal, of light, or of code values, minus the same share in intervals that begin and
+    end halfway between renders. Renders are assumed at the frames, and at 2, 3, 4, 5, 6, 8 and 10 times their rate. A
+    correct file gives 0; a file whose events are all interpolated gives 1.
 
     Why it matters
     --------------
@@ -116,29 +140,37 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
     How
     ---
     If the signal of a pixel is a straight line from one render to the next, its events have one polarity and equal
-    spacings, to within the step of the timestamps, and fill the interval (``straight_runs``). The light of a moving
-    texture is no straight line, and an edge passes in a part of the interval. More than one render a frame interval (n
-    > 1) is assumed only where the image moves by more than n pixels in it (``tracked_motion_px``): good simulators
-    render whenever the image has moved by a pixel, interpolate on shorter paths, and pass. A file without any render
-    between its frames fails at any motion. The number of renders with the largest deviation is stated. For large
-    sensors, three frame intervals in each 0.2 s are used.
+    spacings, to within the step of the timestamps, and fill the interval (``straight_runs``). If light is such a line,
+    and the signal its logarithm, the spacings grow or shrink by the factor exp(C) from event to event; if code values
+    are, by exp(g C) with the exponent g of the declared transfer curve. These are tested as well, to within 2% of a
+    spacing and the chords of ten blends an interval. The light of a moving texture is no straight line, and an edge
+    passes in a part of the interval. More than one render a frame interval (n > 1) is assumed only where the image
+    moves by more than n pixels in it (``tracked_motion_px``): good simulators render whenever the image has moved by a
+    pixel, interpolate on shorter paths, and pass. A file without any render between its frames fails at any motion. The
+    number of renders and the blend with the largest deviation are stated, or the limit of the least sensitive blend
+    where none deviates. For large sensors, three frame intervals in each 0.2 s are used.
 
     Noise model
     -----------
     Light in a correct file does not depend on the times of the frames: lines within and across renders are equally
-    probable. Light that changes slowly and evenly gives straight lines in both. Both shares are binomial with the
-    probability of a line across. Ten lines are added to this probability, because few or none occur (derivation beside
-    ``UNSEEN_LINES``). The model error bound is the probability of a line by chance, tick / spacing, so that coarse
-    timestamps do not cause a finding. Runs with spacings of less than ten ticks are left out.
+    probable. Light that changes slowly and evenly gives straight lines in both: with an edge that crosses a footprint,
+    a tenth to a half of the runs of a slow flight are straight in light. Both shares are binomial with the probability
+    of a line across. Pixels along an edge have lines together: the variance is multiplied by the dispersion of the
+    lines across, from frame interval to frame interval, where that exceeds 1. All blends count as tests. Ten lines are
+    added to this probability, because few or none occur (derivation beside ``UNSEEN_LINES``). The model error bound is
+    the probability of a line by chance, tick / spacing, so that coarse timestamps do not cause a finding. Runs with
+    spacings of less than ten ticks are left out.
 
     Cannot detect
     -------------
     Interpolation between n > 1 renders a frame interval in which the image moves by n pixels or less, as adaptive
     simulators also do it. Renders at a rate that is no multiple of the frame rate, or more than ten times as high, or
     that are shifted against the frames. Changes of less than three thresholds from render to render (hovering, no
-    texture: not_observable). Timestamps so coarse that three events at ten steps do not fit between two frames, such as
-    one event each step of a millisecond in the simulated DVS plugin (not_observable). Interpolated events whose
-    timestamps were then jittered by more than their step.
+    texture: not_observable). Blends of light or codes in less than ten steps a frame interval, or rounded to codes in
+    the dark, where half a step exceeds 2% of a threshold by far. Blends of anything but light in sensors of the linear
+    model. Timestamps so coarse that three events at ten steps do not fit between two frames, such as one event each
+    step of a millisecond in the simulated DVS plugin (not_observable). Interpolated events whose timestamps were then
+    jittered by more than their step.
 
     Sources
     -------
@@ -187,16 +219,32 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
                 parts_ns += [np.stack([edges_ns[:-1], edges_ns[1:]], axis=1), halves_ns]
                 intervals[index] += 1
                 lengths_ns[index] += ends_ns[1] - ends_ns[0]
-        counts = straight_runs(pixel_events(window), parts_ns, tick_ns, first_spacings)
-        within, across = np.zeros((2, len(STEPS), 3), np.int64)
+        blends = _blends(declared, window.facts.declared.transfer)
+        counts = straight_runs(pixel_events(window), parts_ns, tick_ns, first_spacings, list(blends.values()))
+        within, across = np.zeros((2, len(STEPS), counts.shape[1]), np.int64)
         np.add.at(within, indices, counts[::2])
         np.add.at(across, indices, counts[1::2])
+        runs, lines = counts[1::2, :1], counts[1::2, 2:]
+        scatter = np.zeros((len(STEPS), len(blends), 3), np.int64)
+        np.add.at(scatter, indices, np.stack([lines**2, lines * runs, np.broadcast_to(runs**2, lines.shape)], axis=2))
         period_ns = int(frames.times_ns[-1] - frames.times_ns[0]) // (last + 1)
         first_ns, stop_ns = int(frames.times_ns[0]), int(frames.times_ns[-1])
-        return RunCounts(within, across, intervals, lengths_ns, len(chosen), period_ns, tick_ns, first_ns, stop_ns)
+        return RunCounts(
+            within=within,
+            across=across,
+            scatter=scatter,
+            domains=tuple(blends),
+            intervals=intervals,
+            lengths_ns=lengths_ns,
+            frames=len(chosen),
+            period_ns=period_ns,
+            tick_ns=tick_ns,
+            start_ns=first_ns,
+            stop_ns=stop_ns,
+        )
 
     def conclude(self, state: Sequence[RunCounts], facts: Facts) -> Observation:
-        """Compare the shares of lines for each number of renders, and state the one that deviates most."""
+        """Compare the shares of lines for each number of renders and blend, and state the one that deviates most."""
         intervals = max(len(facts.clocks["rgb"].times_ns) - 1, 0)
         coverage = Coverage(sum(counts.frames for counts in state), intervals, "frame intervals")
         if not state:
@@ -206,39 +254,51 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
         if period_ns < FEWEST_EVENTS * LEAST_SPACING_TICKS * tick_ns:
             reason = f"timestamps in steps of {tick_ns / NS_PER_MS:g} ms are too coarse for three events between frames"
             return Observation(coverage, unobservable=reason)
-        # Axes: number of renders, then runs, lines and events.
+        # Axes: number of renders, then runs, events, and lines of each blend.
         within, across = (np.sum([getattr(counts, kind) for counts in state], axis=0) for kind in ("within", "across"))
         compared = np.flatnonzero((within[:, 0] > 0) & (across[:, 0] > 0)).tolist()
         if not compared:
             return Observation(coverage, unobservable="no pixel has three events between two frames")
-        statistics = [self._lines(state, facts, index, len(compared)) for index in compared]
+        blends = range(len(state[0].domains))
+        tests = len(compared) * len(blends)
+        statistics = [self._lines(state, facts, index, blend, tests) for index in compared for blend in blends]
         worst = max(statistics, key=_significance)
+        if _significance(worst) > CLEAR:
+            return Observation(coverage, (worst,))
         # Renders at the frames where nothing deviates: for many renders there are few runs, with a large limit.
-        return Observation(coverage, (worst if _significance(worst) > CLEAR else statistics[0],))
+        return Observation(coverage, (max(statistics[: len(blends)], key=_limit),))
 
-    def _lines(self, state: Sequence[RunCounts], facts: Facts, index: int, tests: int) -> Statistic:
-        """Return the statistic of a number of renders."""
-        runs, lines, _ = np.sum([counts.within[index] for counts in state], axis=0).tolist()
-        runs_across, lines_across, _ = np.sum([counts.across[index] for counts in state], axis=0).tolist()
+    def _lines(self, state: Sequence[RunCounts], facts: Facts, index: int, blend: int, tests: int) -> Statistic:
+        """Return the statistic of a number of renders and a blend."""
+        (runs, lines), (runs_across, lines_across) = (
+            np.sum([getattr(counts, kind)[index, [0, 2 + blend]] for counts in state], axis=0).tolist()
+            for kind in ("within", "across")
+        )
         share, share_across = lines / runs, lines_across / runs_across
         # Difference of two shares with one probability (binomial), that of a line across renders.
         probability = (lines_across + UNSEEN_LINES) / (runs_across + 2 * UNSEEN_LINES)
-        error = sqrt(probability * (1 - probability) * (1 / runs + 1 / runs_across))
+        # Dispersion of the lines across: sum of (l - p n)^2 over that of binomial numbers, n p (1 - p).
+        squares, products, run_squares = np.sum([counts.scatter[index, blend] for counts in state], axis=0).tolist()
+        variance = squares - 2 * share_across * products + share_across**2 * run_squares
+        binomial = runs_across * share_across * (1 - share_across)
+        dispersion = max(1.0, variance / binomial) if binomial > 0 else 1.0
+        error = sqrt(dispersion * probability * (1 - probability) * (1 / runs + 1 / runs_across))
         steps = STEPS[index]
         rates_hz = [NS_PER_S * steps * counts.intervals[index] / max(counts.lengths_ns[index], 1) for counts in state]
         rate_hz = max(rates_hz)
         # Mean spacing of a line: the time between two renders over the number of events.
         chances = [
-            chance_of_line(counts.tick_ns, NS_PER_S / rate) * counts.within[index, 2]
+            chance_of_line(counts.tick_ns, NS_PER_S / rate) * counts.within[index, 1]
             for counts, rate in zip(state, rates_hz, strict=True)
             if rate
         ]
         # Windows whose lines within clearly outnumber those across, by the error of the difference of two counts.
         excess, both = (
-            np.array([combine(counts.within[index, 1], counts.across[index, 1]) for counts in state])
+            np.array([combine(counts.within[index, 2 + blend], counts.across[index, 2 + blend]) for counts in state])
             for combine in (np.subtract, np.add)
         )
         affected = [counts for counts, clear in zip(state, excess > CLEAR * np.sqrt(both), strict=True) if clear]
+        domain = {"signal": "", "light": " of light", "codes": " of code values"}[state[0].domains[blend]]
         where = Where(stream="events")
         if affected and len(affected) < sum(counts.within[index, 0] > 0 for counts in state):
             where = Where(
@@ -254,12 +314,30 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
             model_error_bound=min(1.0, float(sum(chances)) / runs),
             side="upper",
             tests=tests,
-            statement=f"{share:.0%} of the changes of a pixel between renders at {rate_hz:.3g} Hz are straight lines "
-            f"in time, and {share_across:.0%} of those across a render: events are interpolated.",
+            statement=f"{share:.0%} of the changes of a pixel between renders at {rate_hz:.3g} Hz are straight lines"
+            f"{domain} in time, and {share_across:.0%} of those across a render: events are interpolated.",
             code="event_response.interpolation.lines",
             where=where,
             features=(RenderRate(rate_hz, steps),),
         )
+
+
+def _blends(declared: EventModel, transfer: str) -> dict[Domain, Blend]:
+    """Return the blends that are tested for a declared event sensor and a transfer curve of the frames."""
+    blends: dict[Domain, Blend] = {"signal": BLEND_OF_SIGNAL}
+    if declared.model == "log":
+        exponents: dict[Domain, float] = {"light": 1.0}
+        if transfer in CODE_EXPONENTS:
+            exponents["codes"] = CODE_EXPONENTS[transfer]
+        for domain, exponent in exponents.items():
+            log_ratios = -exponent * declared.threshold_off, exponent * declared.threshold_on
+            blends[domain] = Blend(log_ratios, SPACING_SHARE, FEWEST_BLENDS)
+    return blends
+
+
+def _limit(statistic: Statistic) -> float:
+    """Return a size that grows with the limit of a statistic, for statistics of equal numbers of tests."""
+    return statistic.model_error_bound + CLEAR * statistic.standard_error
 
 
 def _significance(statistic: Statistic) -> float:

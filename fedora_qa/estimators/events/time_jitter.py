@@ -36,11 +36,26 @@ render to the next: with a change of the signal by D in an interval of length T,
 T C / |D|. The pixel has events of one polarity only. The last of them is less than one spacing from the end of the
 interval, and the first one less than one from its start, or less than (C+ + C-) / C where the polarity changes there.
 Such events are counted as straight runs.
+
+The same holds for any f(light) that is blended linearly between two renders. Let the signal be L = ln Y, and f = Y^g:
+g = 1 for light, and the exponent of the transfer curve for code values. At the crossings f has the values
+f_0 exp(+- g k C), and time is an affine function of f:
+
+    t_k = a + b exp(+- g k C)
+
+The spacings have the ratio exp(+- g C), whatever the level is, and g = 0 is the blend of logarithms. (A constant that
+is added to light before the logarithm, and one in the transfer curve, change f by a constant, or nearly so.) Two errors
+move the crossings of such blends:
+
+- Renders that are blended n times in the interval, with straight lines in L between them. The chord of L over T / n
+  deviates by L'' (T / n)^2 / 8 at most, and L'' = -g L'^2 with L' = C / s for a spacing of s: in time, by g C T^2 / (8
+  n^2 s). The shortest spacing of a run bounds this.
+- Blends that are stored as codes are rounded by half a step r: in time, by r / (g C f) spacings.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cosh, pi, sqrt
+from math import cosh, expm1, pi, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -379,7 +394,31 @@ def chance_of_line(tick_ns: int, spacing_ns: float) -> float:
     return tick_ns / spacing_ns
 
 
-def straight_runs(events: PixelEvents, parts_ns: Sequence[Int64], tick_ns: int, first_spacings: float) -> Int64:
+class Blend(NamedTuple):
+    """A function of light that is a straight line in time from one render to the next.
+
+    Attributes
+    ----------
+    log_ratios
+        Logarithm of the ratio of two successive spacings, -g C- for darker events and g C+ for brighter ones.
+    spacing_share
+        Largest error of a time that the rounding of codes causes, in mean spacings.
+    fewest_renders
+        Fewest blends in an interval, with straight lines of the signal between them.
+    """
+
+    log_ratios: tuple[float, float]
+    spacing_share: float
+    fewest_renders: int
+
+
+BLEND_OF_SIGNAL: Final = Blend((0.0, 0.0), 0.0, 1)
+"""The signal itself is straight: equal spacings."""
+
+
+def straight_runs(
+    events: PixelEvents, parts_ns: Sequence[Int64], tick_ns: int, first_spacings: float, blends: Sequence[Blend]
+) -> Int64:
     """Count the runs of events of a pixel within intervals, and those that lie on one line through all of an interval.
 
     A run is all events of one pixel in an interval, three at least, as few as to be ten ticks apart on average.
@@ -394,16 +433,20 @@ def straight_runs(events: PixelEvents, parts_ns: Sequence[Int64], tick_ns: int, 
         Step of the timestamps, ns: a timestamp is the first tick not before the crossing.
     first_spacings
         Largest time from the start of an interval to the first event of a line, in spacings.
+    blends
+        m functions of light in which a line is straight.
 
     Returns
     -------
     ndarray of int64
-        (k, 3) number of runs, of runs on a line, and of events in all runs.
+        (k, 2 + m) number of runs, of events in all runs, and of runs on a line of each blend.
     """
-    counts = np.zeros((len(parts_ns), 3), np.int64)
+    counts = np.zeros((len(parts_ns), 2 + len(blends)), np.int64)
     if len(parts_ns):
         ends = np.cumsum([len(part) for part in parts_ns])
-        _count_runs(events.starts, events.timestamped, np.concatenate(parts_ns), ends, tick_ns, first_spacings, counts)
+        lines = np.array([(*blend.log_ratios, blend.spacing_share, blend.fewest_renders) for blend in blends], float)
+        intervals = np.concatenate(parts_ns)
+        _count_runs(events.starts, events.timestamped, intervals, ends, tick_ns, first_spacings, lines, counts)
     return counts
 
 
@@ -415,9 +458,13 @@ def _count_runs(
     ends: Int64,
     tick: int,
     first_spacings: float,
+    lines: Float64,
     counts: Int64,
 ) -> None:
-    """Add to ``counts`` (k, 3), as of ``straight_runs``; ``ends`` (k,) are the indices after each part's intervals."""
+    """Add to ``counts`` (k, 2 + m), as of ``straight_runs``.
+
+    ``ends`` (k,) are the indices after each part's intervals. ``lines`` (m, 4) are the attributes of the blends.
+    """
     for pixel in range(len(starts) - 1):
         begin, end = starts[pixel], starts[pixel + 1]
         # Most pixels have too few events for any interval.
@@ -434,27 +481,50 @@ def _count_runs(
                 if time <= start:
                     event += 1
                     continue
-                first = event
+                first, same = event, True
                 while event < end and timestamped[event] >> 1 <= stop:
+                    same &= (timestamped[event] & 1) == (timestamped[first] & 1)
                     event += 1
                 count = event - first
                 if count < FEWEST_EVENTS or stop - start < count * LEAST_SPACING_TICKS * tick:
                     continue
                 counts[part, 0] += 1
-                counts[part, 1] += _is_straight(timestamped, first, event, start, stop, tick, first_spacings)
-                counts[part, 2] += count
+                counts[part, 1] += count
+                if not same:
+                    continue
+                for blend in range(len(lines)):
+                    counts[part, 2 + blend] += _is_straight(
+                        timestamped, first, event, start, stop, tick, first_spacings, lines[blend]
+                    )
 
 
 @njit(cache=True)
 def _is_straight(
-    timestamped: Int64, first: int, end: int, start: int, stop: int, tick: int, first_spacings: float
+    timestamped: Int64, first: int, end: int, start: int, stop: int, tick: int, first_spacings: float, line: Float64
 ) -> bool:
-    """Return whether the events of a pixel from ``first`` to before ``end`` lie on one line in (start, stop], ns."""
-    first_time, last_time = timestamped[first] >> 1, timestamped[end - 1] >> 1
-    spacing = (last_time - first_time) / (end - first - 1)
-    straight = first_time - start <= first_spacings * spacing + 2 * tick and stop - last_time <= spacing + 2 * tick
-    for i in range(first + 1, end):
+    """Return whether events of one polarity from ``first`` to before ``end`` lie on one line in (start, stop], ns."""
+    first_time, last_time, last = timestamped[first] >> 1, timestamped[end - 1] >> 1, end - first - 1
+    log_ratio = line[timestamped[first] & 1]
+    mean_spacing = max((last_time - first_time) / last, 1.0)
+    # f_k - f_0, and its scale in time by first and last event.
+    scale = (last_time - first_time) / _change(log_ratio, last)
+    # Errors of codes and of chords, as in the module's docstring; these are largest where the spacing is least.
+    shortest = min(scale * _change(log_ratio, 1), scale * (_change(log_ratio, last) - _change(log_ratio, last - 1)))
+    chord = abs(log_ratio) * (stop - start) ** 2 / (8 * line[3] ** 2 * max(shortest, 1.0))
+    tolerance = tick + line[2] * mean_spacing + chord
+    after_last = scale * (_change(log_ratio, last + 1) - _change(log_ratio, last))
+    if first_time - start > -scale * _change(log_ratio, -first_spacings) + tick + tolerance:
+        return False
+    if stop - last_time > after_last + tick + tolerance:
+        return False
+    for k in range(1, last):
         # Timestamps are up to a tick late: so is the event, and so is the line through first and last event.
-        off = (timestamped[i] >> 1) - (first_time + spacing * (i - first))
-        straight &= abs(off) <= tick and (timestamped[i] & 1) == (timestamped[first] & 1)
-    return bool(straight)
+        if abs((timestamped[first + k] >> 1) - first_time - scale * _change(log_ratio, k)) > tolerance:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _change(log_ratio: float, thresholds: float) -> float:
+    """Return the change of f after a number of thresholds, in a unit that does not matter."""
+    return thresholds if log_ratio == 0 else expm1(log_ratio * thresholds)

@@ -11,12 +11,14 @@ from scipy.stats import norm
 from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel
 from fedora_qa.estimators.events.time_jitter import (
     _OVERLAP,
+    BLEND_OF_SIGNAL,
     DEVIATES,
     FEWEST_PIXELS,
     MOST_OF_A_PIXEL,
     QUARTILE,
     RANDOM_SHARE,
     SHAPE_SHARE,
+    Blend,
     JitterEstimate,
     _deviations,
     _errors,
@@ -254,7 +256,7 @@ def test_a_signal_that_is_a_line_gives_a_straight_run(slope_nat_s: float, start_
     """Wherever the reference lies between the two thresholds."""
     times_us = crossings_us(slope_nat_s, start_nat, 0.2)
     events = events_of([int(t) * US for t in times_us], [polarity] * len(times_us))
-    assert straight_runs(events, [INTERVALS], US, 2.0).tolist() == [[1, 1, len(times_us)]]
+    assert straight_runs(events, [INTERVALS], US, 2.0, [BLEND_OF_SIGNAL]).tolist() == [[1, len(times_us), 1]]
 
 
 @settings(deadline=None)
@@ -265,7 +267,7 @@ def test_a_curved_signal_does_not(curvature: float) -> None:
     signal = 1.5 * (shares + curvature * shares * (1 - shares))
     times_us = np.ceil(20_000 * np.interp(0.2 * np.arange(1, 8), signal, shares)).astype(np.int64)
     events = events_of([int(t) * US for t in times_us], [1] * 7)
-    assert straight_runs(events, [INTERVALS], US, 2.0).tolist() == [[1, 0, 7]]
+    assert straight_runs(events, [INTERVALS], US, 2.0, [BLEND_OF_SIGNAL]).tolist() == [[1, 7, 0]]
 
 
 @pytest.mark.parametrize(
@@ -280,15 +282,55 @@ def test_a_curved_signal_does_not(curvature: float) -> None:
 def test_a_run_that_no_line_through_the_interval_gives(times_us: list[int], polarities: list[int]) -> None:
     """It counts as a run."""
     events = events_of([t * US for t in times_us], polarities)
-    assert straight_runs(events, [INTERVALS], US, 2.0).tolist() == [[1, 0, 3]]
+    assert straight_runs(events, [INTERVALS], US, 2.0, [BLEND_OF_SIGNAL]).tolist() == [[1, 3, 0]]
 
 
 def test_two_events_and_dense_events_are_no_run() -> None:
     """Two lie on any line; spacings of less than ten ticks are lines by chance."""
     pair = events_of([5_000 * US, 10_000 * US], [1, 1])
-    assert straight_runs(pair, [INTERVALS], US, 2.0).tolist() == [[0, 0, 0]]
+    assert straight_runs(pair, [INTERVALS], US, 2.0, [BLEND_OF_SIGNAL]).tolist() == [[0, 0, 0]]
     coarse = events_of([5_000 * US, 10_000 * US, 15_000 * US], [1, 1, 1])
-    assert straight_runs(coarse, [INTERVALS], 1_000 * US, 2.0).tolist() == [[0, 0, 0]]
+    assert straight_runs(coarse, [INTERVALS], 1_000 * US, 2.0, [BLEND_OF_SIGNAL]).tolist() == [[0, 0, 0]]
+
+
+def blended_us(exponent: float, ratio: float, threshold: float, renders: int) -> NDArray[np.int64]:
+    """Crossings in 20 ms, us, while f = light^exponent goes straight to ``ratio`` times the light, by renders."""
+    times = np.linspace(0, 1, renders + 1)
+    signal = np.log(1 + (ratio**exponent - 1) * times) / exponent
+    levels = np.sign(signal[-1]) * threshold * np.arange(1, 1 + int(abs(signal[-1]) / threshold))
+    order = np.argsort(signal)
+    crossings_ms = 20 * np.interp(levels, signal[order], times[order])
+    return np.ceil(1_000 * crossings_ms - 1e-6).astype(np.int64)
+
+
+@pytest.mark.parametrize("renders", [10, 50, 2_000])
+@pytest.mark.parametrize("ratio", [0.1, 0.4, 2.5, 6.0])
+@pytest.mark.parametrize("exponent", [1 / 2.4, 1 / 2.2, 1.0])
+def test_a_blend_is_straight_in_its_own_domain(exponent: float, ratio: float, renders: int) -> None:
+    """In steps with straight lines of the signal between them, brighter and darker; never straight in the signal."""
+    times_us = blended_us(exponent, ratio, 0.2, renders)
+    events = events_of([int(t) * US for t in times_us], [int(ratio > 1)] * len(times_us))
+    blend = Blend((-0.2 * exponent, 0.2 * exponent), 0.0, 10)
+    assert straight_runs(events, [INTERVALS], US, 2.0, [BLEND_OF_SIGNAL, blend]).tolist() == [[1, len(times_us), 0, 1]]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02])
+def test_another_domain_is_no_line(share: float) -> None:
+    """Light that is blended is no line of code values, nor of thresholds that are twice as large."""
+    times_us = blended_us(1.0, 6.0, 0.2, 50)
+    events = events_of([int(t) * US for t in times_us], [1] * len(times_us))
+    blends = [Blend((-0.2 * g, 0.2 * g), share, 10) for g in (1.0, 1 / 2.4, 2.0)]
+    assert straight_runs(events, [INTERVALS], US, 2.0, blends)[0, 2:].tolist() == [1, 0, 0]
+
+
+@pytest.mark.parametrize(("error_us", "lines"), [(40, 1), (120, 0)])
+def test_codes_move_a_crossing_by_a_share_of_the_spacing(error_us: int, lines: int) -> None:
+    """2% of spacings of 3 ms are 60 us."""
+    times_us = blended_us(1.0, 3.3, 0.2, 2_000)
+    times_us[2] += error_us
+    events = events_of([int(t) * US for t in times_us], [1] * len(times_us))
+    blend = Blend((-0.2, 0.2), 0.02, 2_000)
+    assert straight_runs(events, [INTERVALS], US, 2.0, [blend])[0, 2] == lines
 
 
 @settings(deadline=None)
@@ -312,7 +354,7 @@ def test_runs_are_those_of_a_slow_loop(rows: list[tuple[int, int, int]]) -> None
             line = times[0] + spacing * np.arange(len(times))
             fills = times[0] - start <= 2 * spacing and stop - times[-1] <= spacing
             lines += bool(np.all(times == line) and len(set(signs.tolist())) == 1 and fills)
-    assert straight_runs(events, [intervals], 0, 2.0).tolist() == [[runs, lines, total]]
+    assert straight_runs(events, [intervals], 0, 2.0, [BLEND_OF_SIGNAL]).tolist() == [[runs, total, lines]]
 
 
 def test_chance_is_that_of_random_events() -> None:
