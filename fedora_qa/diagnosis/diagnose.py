@@ -32,7 +32,12 @@ from fedora_qa.diagnosis.conclusion import (
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.joined_findings import joined_hypotheses
-from fedora_qa.diagnosis.measured_sizes import Results, has_lines_of_frames, is_nearer_to_other_order
+from fedora_qa.diagnosis.measured_sizes import (
+    Results,
+    begin_and_end_with_frames,
+    has_lines_of_frames,
+    is_nearer_to_other_order,
+)
 from fedora_qa.diagnosis.vetoes import (
     COMPARED_BY_FLOW,
     ClockPlace,
@@ -58,6 +63,7 @@ _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
 
 _OF_CONSERVATION: Final = "event_response.conservation"
+_OF_TIMING: Final = "event_response.timing"
 
 _IN_ONE_DIRECTION: Final = frozenset({"spatial_offset", "intrinsics_centre", "time_offset", "clock_rate"})
 """Causes that move edges in one direction: where the image moves evenly, one undoes what another did."""
@@ -107,8 +113,12 @@ def rank_candidates(
         interpolated = Hypothesis(
             "interpolated_frames", "events", support("event_response.lines_of_frames_for_a_while")
         )
+        explained = {_OF_CONSERVATION}
+        if begin_and_end_with_frames(results):
+            # The events between two frames state no time at which the light of a moving image passed a level.
+            explained.add(_OF_TIMING)
         for finding, alarm in by_finding.items():
-            if check_of_code(alarm.finding.code) == _OF_CONSERVATION:
+            if check_of_code(alarm.finding.code) in explained:
                 large_enough[finding] = [*large_enough.get(finding, ()), interpolated]
     candidates = [
         candidate

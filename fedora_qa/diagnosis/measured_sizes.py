@@ -28,6 +28,9 @@ _HALF_WAY: Final = 0.5
 _SIGNIFICANT: Final = 3.1
 """Standard errors by which noise alone exceeds 0 with a probability of 0.001."""
 
+_MOST: Final = 0.5
+"""Share of the changes of a pixel from which most lie on lines between frames."""
+
 MS_PER_PERCENT_OF_S: Final = 10.0
 
 Results = Mapping[str, Result]
@@ -76,6 +79,21 @@ def has_lines_of_frames(results: Results) -> bool:
     """
     lines = measured(results.get("event_response.interpolation"), "lines_between_renders")
     return lines is not None and lines.value is not None and lines.exceeds_limit
+
+
+def begin_and_end_with_frames(results: Results) -> bool:
+    """Whether most changes of a pixel lie on lines that begin and end with the frames.
+
+    The clocks of events and frames then differ by less than a spacing of events: after any larger offset, most
+    intervals hold the events of two lines.
+
+    Parameters
+    ----------
+    results
+        Of the file, by check, judged by the limits alone.
+    """
+    lines = measured(results.get("event_response.interpolation"), "lines_between_renders")
+    return has_lines_of_frames(results) and lines is not None and (lines.value or 0.0) > _MOST
 
 
 def length_with_error(components: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:

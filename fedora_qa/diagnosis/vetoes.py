@@ -20,7 +20,13 @@ from fedora_qa.causes import stream_family
 from fedora_qa.checks.event_response.conservation import Violations
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.measured_sizes import Results, deviation, flow_offset_ms, measured
+from fedora_qa.diagnosis.measured_sizes import (
+    Results,
+    begin_and_end_with_frames,
+    deviation,
+    flow_offset_ms,
+    measured,
+)
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.facts import Facts
@@ -265,9 +271,12 @@ def contradicts(
     of_frames = cause == "time_offset" and family in ("events", "rgb")
     is_rounding = of_frames and _is_rounding(magnitude, results)
     is_no_arm = cause == "lever_arm" and _contradicts_arm(family, magnitude, results)
+    # Events on lines from frame to frame have the time of the frames.
+    is_clock = cause in ("time_offset", "clock_rate") and family in ("events", "rgb")
+    is_of_frames = is_clock and begin_and_end_with_frames(results)
     is_no_threshold = cause == "threshold_misdeclared" and _changes_sign(results.get("event_response.threshold"))
     is_own_camera = family == "flow" and cause in _OF_CAMERA and _passed(results.get("flow_geometry.endpoint"))
-    of_clocks = is_off_grid or is_within_reach or is_rounding
+    of_clocks = is_off_grid or is_within_reach or is_rounding or is_of_frames
     if of_clocks or is_of_another_body or is_no_threshold or is_no_arm or is_own_camera:
         return True
     # A gain that was measured of single frames changes the whole by less.

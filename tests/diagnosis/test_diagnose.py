@@ -333,6 +333,16 @@ def test_lines_between_frames_of_a_while_explain_what_contradicts_the_law(lines:
     assert ranked[0].cause == first
 
 
+@pytest.mark.parametrize(("share", "cause"), [(0.9, "interpolated_frames"), (0.2, "clock_rate")])
+def test_lines_of_most_changes_explain_times_that_deviate(share: float, cause: str) -> None:
+    """Events that are interpolated have no rate of their own."""
+    deviation = [alarm(1, Hypothesis("clock_rate", "events", 0.9, 600.0, "ppm"), code="event_response.timing.offset")]
+    measurement = Measurement("lines_between_renders", share, "1", 0.005, 0.0, 0.03, 0.05, side="upper")
+    check = "event_response.interpolation"
+    ranked = rank_of(deviation, {check: Result(check, "failed", "?", measurements=(measurement,))})
+    assert [candidate.cause for candidate in ranked] == [cause]
+
+
 def test_a_clock_out_of_place_is_the_odd_stream() -> None:
     """Of two clocks whose offset clears alike, that which leaves the grid of all others is late."""
     events, rgb = LATE, Hypothesis("time_offset", "rgb", 0.4, -2.0, "ms", 0.1)

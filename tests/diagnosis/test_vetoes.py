@@ -213,6 +213,20 @@ def test_what_is_rounded_to_a_grid_is_off_by_a_part_of_it(
     assert contradicts("time_offset", "rgb", offset_ms, results, {}) == is_contradicted
 
 
+@pytest.mark.parametrize(("share", "is_contradicted"), [(0.9, True), (0.3, False)])
+@pytest.mark.parametrize(("cause", "size"), [("clock_rate", 620.0), ("time_offset", 0.3)])
+def test_lines_that_begin_and_end_with_frames_have_their_clock(
+    cause: str, size: float, share: float, is_contradicted: bool
+) -> None:
+    """Most lines would be broken by an offset of a spacing of events."""
+    lines = Measurement("lines_between_renders", share, "1", 0.01, 0.0, 0.05, 0.06, side="upper")
+    check = "event_response.interpolation"
+    results = {check: Result(check, "failed", "lines", measurements=(lines,))}
+    for stream in ("events", "rgb"):
+        assert contradicts(cause, stream, size, results, {}) == is_contradicted
+    assert not contradicts(cause, "imu", size, results, {})
+
+
 def test_declared_packets_are_no_rounding() -> None:
     """Events of packets of 1 ms may be late by 0.8 ms."""
     grid = Measurement("events.grid", 1000.0, "us", 0.0, 1000.0, 0.0, 1.0, side="upper")

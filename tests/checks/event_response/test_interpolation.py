@@ -1,6 +1,7 @@
 """Events that are interpolated between renders, made by a naive simulator that shares no line with the generator."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -88,6 +89,44 @@ def test_events_of_the_frames_alone_are_found(world: Waves, threshold: float, pa
     assert "50 Hz" in lines.statement
     first = diagnoses_of(path, "event_response")[0]
     assert (first.cause, first.stream) == ("interpolated_frames", "events")
+
+
+def blended(file: EventFile, exponent: float, steps: int, threshold: float = 0.2) -> EventFile:
+    """The same frames, with events of blends of light^exponent; between its steps the logarithm is straight."""
+    size = (SHAPE[1], SHAPE[0])
+    frames = [cv2.resize(frame[..., 0].astype(float), size, interpolation=cv2.INTER_AREA) for frame in file.frames]
+    values = [np.maximum(frame, 0.5) ** exponent for frame in frames]
+    renders = [
+        (before + (after - before) * step / steps) ** (1 / exponent)
+        for before, after in pairwise(values)
+        for step in range(steps)
+    ]
+    period_us = int(FRAMES_NS[1]) // 1_000
+    times_us = [i * period_us // steps for i in range(len(renders) + 1)]
+    return replace(file, events=naive_events([*renders, frames[-1]], times_us, threshold))
+
+
+@WORLDS
+@pytest.mark.parametrize("steps", [10, 50])
+def test_light_that_is_blended_between_frames_is_found(world: Waves, threshold: float, steps: int, path: Path) -> None:
+    """The spacings of its events grow or shrink by the threshold, whatever the level."""
+    lines = lines_of(blended(log_file(world, threshold), 1.0, steps, threshold), path)
+    assert lines.outcome == "failed"
+    assert lines.share > 0.6
+    assert "50 Hz are straight lines of light" in lines.statement
+
+
+@pytest.mark.parametrize("steps", [10, 50])
+def test_codes_that_are_blended_between_frames_are_found(steps: int, path: Path) -> None:
+    """By the exponent of the declared curve; the light of the frames is that of a linear file."""
+    file = blended(log_file(SHARP_WORLD), 1 / 2.2, steps)
+    codes = np.rint(255 * (file.frames / 255) ** (1 / 2.2)).astype(np.uint8)
+    replace(file, frames=codes).write(path)
+    with h5py.File(path, "r+") as stored:
+        stored["path/rgb"].attrs["transfer"] = "gamma2.2"
+    result = run_check(path, CHECK)
+    assert result.outcome == "failed"
+    assert "straight lines of code values" in result.findings[0].message
 
 
 @pytest.mark.parametrize("renders_hz", [100, 200])
