@@ -416,6 +416,24 @@ BLEND_OF_SIGNAL: Final = Blend((0.0, 0.0), 0.0, 1)
 """The signal itself is straight: equal spacings."""
 
 
+class LineRules(NamedTuple):
+    """What makes events of a pixel a line.
+
+    Attributes
+    ----------
+    tick_ns
+        Step of the timestamps, ns.
+    first_spacings
+        Largest time from the start of an interval to the first event, in spacings.
+    blends
+        (m, 4) attributes of m blends.
+    """
+
+    tick_ns: int
+    first_spacings: float
+    blends: Float64
+
+
 def straight_runs(
     events: PixelEvents, parts_ns: Sequence[Int64], tick_ns: int, first_spacings: float, blends: Sequence[Blend]
 ) -> Int64:
@@ -446,7 +464,8 @@ def straight_runs(
         ends = np.cumsum([len(part) for part in parts_ns])
         lines = np.array([(*blend.log_ratios, blend.spacing_share, blend.fewest_renders) for blend in blends], float)
         intervals = np.concatenate(parts_ns)
-        _count_runs(events.starts, events.timestamped, intervals, ends, tick_ns, first_spacings, lines, counts)
+        rules = LineRules(tick_ns, float(first_spacings), lines)
+        _count_runs(events.starts, events.timestamped, intervals, ends, rules, counts)
     return counts
 
 
@@ -456,14 +475,12 @@ def _count_runs(
     timestamped: Int64,
     intervals: Int64,
     ends: Int64,
-    tick: int,
-    first_spacings: float,
-    lines: Float64,
+    rules: LineRules,
     counts: Int64,
 ) -> None:
     """Add to ``counts`` (k, 2 + m), as of ``straight_runs``.
 
-    ``ends`` (k,) are the indices after each part's intervals. ``lines`` (m, 4) are the attributes of the blends.
+    ``ends`` (k,) are the indices after each part's intervals.
     """
     for pixel in range(len(starts) - 1):
         begin, end = starts[pixel], starts[pixel + 1]
@@ -486,24 +503,21 @@ def _count_runs(
                     same &= (timestamped[event] & 1) == (timestamped[first] & 1)
                     event += 1
                 count = event - first
-                if count < FEWEST_EVENTS or stop - start < count * LEAST_SPACING_TICKS * tick:
+                if count < FEWEST_EVENTS or stop - start < count * LEAST_SPACING_TICKS * rules.tick_ns:
                     continue
                 counts[part, 0] += 1
                 counts[part, 1] += count
                 if not same:
                     continue
-                for blend in range(len(lines)):
-                    counts[part, 2 + blend] += _is_straight(
-                        timestamped, first, event, start, stop, tick, first_spacings, lines[blend]
-                    )
+                for blend in range(len(rules.blends)):
+                    counts[part, 2 + blend] += _is_straight(timestamped, first, event, start, stop, rules, blend)
 
 
 @njit(cache=True)
-def _is_straight(
-    timestamped: Int64, first: int, end: int, start: int, stop: int, tick: int, first_spacings: float, line: Float64
-) -> bool:
+def _is_straight(timestamped: Int64, first: int, end: int, start: int, stop: int, rules: LineRules, blend: int) -> bool:
     """Return whether events of one polarity from ``first`` to before ``end`` lie on one line in (start, stop], ns."""
     first_time, last_time, last = timestamped[first] >> 1, timestamped[end - 1] >> 1, end - first - 1
+    line, tick = rules.blends[blend], rules.tick_ns
     log_ratio = line[timestamped[first] & 1]
     mean_spacing = max((last_time - first_time) / last, 1.0)
     # f_k - f_0, and its scale in time by first and last event.
@@ -513,7 +527,7 @@ def _is_straight(
     chord = abs(log_ratio) * (stop - start) ** 2 / (8 * line[3] ** 2 * max(shortest, 1.0))
     tolerance = tick + line[2] * mean_spacing + chord
     after_last = scale * (_change(log_ratio, last + 1) - _change(log_ratio, last))
-    if first_time - start > -scale * _change(log_ratio, -first_spacings) + tick + tolerance:
+    if first_time - start > -scale * _change(log_ratio, -rules.first_spacings) + tick + tolerance:
         return False
     if stop - last_time > after_last + tick + tolerance:
         return False
