@@ -57,7 +57,7 @@ def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for an alarm of ``event_response.orientation``, best supported first."""
     if alarm.finding.code in ("event_response.orientation.unrelated", "event_response.orientation.other"):
         if facts.events is None or not facts.events.count:
-            return (Hypothesis("dropped_samples", "events", support("event_response.orientation.no_events")),)
+            return (Hypothesis("missing_stream", "events", support("event_response.orientation.no_events")),)
         if not alarm.statistic.features:
             # No orientation correlates; ``event_response.timing`` searches for an offset.
             return (
