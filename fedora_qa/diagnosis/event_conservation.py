@@ -61,7 +61,7 @@ alone it is near 0, as most tiles have none at a time."""
 _FEWEST_DISTURBED: Final = 0.1
 """Least share of the pixels with a spurious event that violate the law, for noise: a pixel shows one whose level moves
 enough; background activity in the park disturbs half. Not derived: with fewer, the lone events are those of faint
-edges everywhere."""
+edges everywhere. Declared noise, whose rates are upper bounds, may as well be all that fires and violates the law."""
 
 _MOSTLY_SILENT: Final = 0.5
 """Least share of the violating pixels in tiles that are silent for a while, for a dead region: a readout that saturates
@@ -116,7 +116,9 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     # affects few pixels of any neighbourhood.
     no_events = facts.events is None or not facts.events.count
     together = max(cluster.fraction_nearby, cluster.fraction_in_densest_band)
-    if not no_events and cluster.fraction_without_events > _ALL_SILENT:
+    # Declared noise disturbs pixels that fire, besides.
+    is_noise_beside = cluster.fraction_without_events > _ONE_REGION and cluster.firing_of_disturbed < _FEWEST_DISTURBED
+    if not no_events and (cluster.fraction_without_events > _ALL_SILENT or is_noise_beside):
         dead = _support("dead_pixels")
     elif not no_events and min(together, cluster.fraction_without_events) > _ONE_REGION:
         dead = _support("dead_region")

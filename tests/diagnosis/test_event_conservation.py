@@ -185,3 +185,27 @@ def test_lost_events_are_not_mended(tmp_path: Path) -> None:
     lost = packet & (np.arange(len(packet)) % 40 == 0)
     faulty = clean.altered(events=kept(clean.events, ~lost))
     assert diagnosed(faulty, tmp_path / "lost.h5")[0].cause == "dropped_samples"
+
+
+@pytest.mark.parametrize(
+    ("without_events", "firing_of_disturbed", "is_dead"),
+    [
+        (0.97, np.inf, True),
+        # Pixels that fire contradict the frames as well, and no noise is declared.
+        (0.87, np.inf, False),
+        # Declared noise disturbs so few of those that fire.
+        (0.87, 0.01, True),
+        # They are as many as all that it can disturb.
+        (0.87, 0.9, False),
+        (0.4, 0.01, False),
+    ],
+)
+def test_declared_noise_does_not_hide_dead_pixels(
+    without_events: float, firing_of_disturbed: float, *, is_dead: bool
+) -> None:
+    """Dead pixels of any shape never fire; a spurious event disturbs one that does."""
+    cluster = ViolationCluster(12.0, 0.01, 0.1, without_events, 0.05, firing_of_disturbed=firing_of_disturbed)
+    features = Violations(146, 0.01), cluster
+    hypotheses = proposed("event_response.conservation.region", *features, stream="events")
+    best = max(hypotheses, key=lambda hypothesis: hypothesis.support)
+    assert (best.cause == "dead_region") is is_dead

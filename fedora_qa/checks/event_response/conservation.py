@@ -1,7 +1,7 @@
 """Events against log intensity: conservation of the signal less the sum of its events."""
 
 from dataclasses import dataclass, field
-from math import ceil, expm1, pi, sqrt
+from math import ceil, expm1, inf, pi, sqrt
 from typing import Final
 
 import numpy as np
@@ -65,6 +65,9 @@ class ViolationCluster(Feature):
         Fraction of the violating pixels in one square of twice their number; 0 for fewer than 8 pixels.
     fraction_in_densest_band
         The same of one band of whole rows, or of whole columns.
+    firing_of_disturbed
+        Violating pixels that have events, relative to those that declared noise may disturb; infinite without such
+        noise.
     """
 
     side_px: float
@@ -73,6 +76,7 @@ class ViolationCluster(Feature):
     fraction_without_events: float
     fraction_in_densest_square: float
     fraction_in_densest_band: float = 0.0
+    firing_of_disturbed: float = inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,6 +269,8 @@ class EventResponseConservation(Check[ConservationState]):
             densest_band = max(of_rows, of_columns) / count
         # Where a group has lost most of its events, or all lie at other times, pixels without any are not dead.
         usual = float(np.median([group.events_per_pixel for group in groups]))
+        disturbed = pixels.size * sum(_excused_share(group, state.runs.model, facts) for group in groups)
+        firing = sum(group.violations - group.without_events for group in groups)
         cluster = ViolationCluster(
             side_px,
             fraction_of_image=everywhere,
@@ -275,6 +281,7 @@ class EventResponseConservation(Check[ConservationState]):
             / max(sum(group.violations for group in groups), 1),
             fraction_in_densest_square=densest,
             fraction_in_densest_band=densest_band,
+            firing_of_disturbed=firing / disturbed if disturbed else inf,
         )
         courses = _courses(state.moments, state.runs.model, pixels)
         tile = Statistic(
@@ -318,19 +325,7 @@ class EventResponseConservation(Check[ConservationState]):
         counts = [group.violations for group in groups]
         bounds, errors = [], []
         for group in groups:
-            # Declared effects may cause violations. A spurious event changes a pixel by a threshold: a Poisson process
-            # of the declared rate gives at least one event in this fraction of the pixels.
-            seconds = float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S
-            spurious = -expm1(-declared.shot_rate_hz * seconds)
-            # A low-pass delays events: pixels with events within five time constants, 1 / (2 pi f) each, of a frame
-            # time may lag by more than their bound.
-            lagging = 0.0
-            if declared.bandwidth_hz > 0:
-                around_s = 10 / (2 * pi * declared.bandwidth_hz)
-                # Events a pixel within that time around all frames: an upper bound of the share of pixels with events
-                # in it.
-                lagging = group.events_per_pixel / max(seconds, 1e-9) * around_s * group.frames
-            excused = min(spurious + lagging, 1.0)
+            excused = _excused_share(group, declared, facts)
             # As many violations are allowed as uneven frames alone cause, with the Poisson error of that number + 1.
             bounds.append(group.flawed / size + excused)
             # Shares of the image: (k + 1) / size^2 of k flawed pixels (Poisson), p / size of an excused share p
@@ -364,6 +359,23 @@ class EventResponseConservation(Check[ConservationState]):
             ),
             features=(Violations(counts[worst], counts[worst] / size), *features),
         )
+
+
+def _excused_share(group: FrameRunSummary, declared: EventModel, facts: Facts) -> float:
+    """Return the largest share of the pixels that declared noise and a declared low-pass let violate the law."""
+    # A spurious event changes a pixel by a threshold: a Poisson process of the declared rate gives at least one event
+    # in this fraction of the pixels.
+    times_ns = facts.clocks["rgb"].times_ns
+    seconds = float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S
+    spurious = -expm1(-declared.shot_rate_hz * seconds)
+    # A low-pass delays events: pixels with events within five time constants, 1 / (2 pi f) each, of a frame time may
+    # lag by more than their bound.
+    lagging = 0.0
+    if declared.bandwidth_hz > 0:
+        around_s = 10 / (2 * pi * declared.bandwidth_hz)
+        # Events a pixel within that time around all frames: an upper bound of the share of pixels with events in it.
+        lagging = group.events_per_pixel / max(seconds, 1e-9) * around_s * group.frames
+    return min(spurious + lagging, 1.0)
 
 
 def _courses(moments: list[NDArray[np.float32]], model: EventModel, violating: Bool) -> ChangeCourses:
