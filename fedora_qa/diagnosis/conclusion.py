@@ -29,12 +29,13 @@ _MANY_MECHANISMS: Final = frozenset(
         "frame_convention",
         "duplicated_samples",
         "unsorted",
+        "swapped_frames",
         "invalid_encoding",
         "quaternion_not_unit",
     }
 )
 """Causes with more mechanisms than are tried: that those clear nothing rules nothing out. Of noise of the components of
-quaternions normalising takes the lengths alone."""
+quaternions normalising takes the lengths alone, and of frames in another order one pair is exchanged, or neighbours."""
 
 _MOSTLY: Final = 0.5
 """Share of the deviations of a cause that undoing it must remove for the cause to be supported."""

@@ -104,6 +104,10 @@ _CAUSES_BETWEEN_RATES: Final = (
 )  # fmt: skip
 """Causes of a deviation between rates, also those whose inverse transform was not tried."""
 
+_EXCHANGED: Final = 0.25
+"""Share of the fields that are late, and of those that are early, from which frames next to each other are exchanged:
+half of all are late then. The value is not derived."""
+
 _FEWEST_FRACTIONS: Final = 64.0
 """Least number of fractions of a pixel in codes of flow: KITTI has 64 and DSEC 128. The value is not derived."""
 
@@ -161,7 +165,7 @@ def spreads_over(stream: str, off: Mapping[str, bool]) -> str:
 
 
 def convention_hypotheses(
-    rate: str, trials: Sequence[ConventionTrial], flow: str, *, share_off: float
+    rate: str, trials: Sequence[ConventionTrial], flow: str, *, share_off: float, lasts: bool = False
 ) -> list[Hypothesis]:
     """Return the mean removed share of each inverse transform, over the fields of one rate on which it was tried.
 
@@ -175,6 +179,8 @@ def convention_hypotheses(
         Stream that is named for trials of the flow: ``flow`` or one rate.
     share_off
         Share of fields that deviate, 0 to 1. Faults of single frames affect few fields, other faults most.
+    lasts
+        As of ``support_of_extent``.
 
     Returns
     -------
@@ -192,7 +198,12 @@ def convention_hypotheses(
     for (cause, stream, _), group in by_transform.items():
         supports = [_SUPPORT_OF_TRANSFORM.get(trial.transform, 1.0) * trial.removed_share for trial in group]
         mean_support = float(np.mean(supports))
-        mean_support *= support_of_extent(cause, share_off)
+        share_of_either_sign = _share_of_either_sign(by_transform.get(("time_offset", stream, ""), ()))
+        if cause == "time_offset":
+            # A clock is late or early: fields that are late beside others that are early have no common offset.
+            mean_support *= 1.0 - 2.0 * share_of_either_sign
+        if cause != "swapped_frames" or share_of_either_sign <= _EXCHANGED:
+            mean_support *= support_of_extent(cause, share_off, lasts=lasts)
         # The size comes from the field that the transform explains best: in other fields another fault may contribute.
         magnitude = max(zip(supports, group, strict=True), key=lambda pair: pair[0])[1].magnitude
         if magnitude is not None and cause in _UNSIGNED:
@@ -206,6 +217,12 @@ def convention_hypotheses(
         if (cause, stream) not in hypotheses or mean_support > hypotheses[cause, stream].support:
             hypotheses[cause, stream] = hypothesis
     return list(hypotheses.values())
+
+
+def _share_of_either_sign(trials: Sequence[ConventionTrial]) -> float:
+    """Return the smaller share of the offsets of single fields that are late, or early; 0 to 1/2."""
+    signs = [trial.magnitude > 0 for trial in trials if trial.magnitude]
+    return min(signs.count(True), signs.count(False)) / len(signs) if signs else 0.0
 
 
 def gain_hypothesis(

@@ -62,6 +62,10 @@ _UNCORRECTED: Final = 0.01
 """Share of the expected squared correction below which there is no correction: the flow was generated from the noisy
 pose."""
 
+_FIELDS_OF_SINGLE_FRAMES: Final = 3
+"""Most fields next to each other that a fault of single frames affects: two exchanged neighbours begin two, and a field
+that repeats another is the one behind it."""
+
 _FIELDS_OF_A_JUMP: Final = 2
 """Number of fields of a rate that a jump of the pose and its return affect: those in whose interval they lie."""
 
@@ -140,7 +144,9 @@ def _of_one_rate(rate: str, features: Sequence[Feature], facts: Facts) -> tuple[
         replace(hypothesis, support=hypothesis.support * unrelated)
         if hypothesis.cause == "other_sequence"
         else hypothesis
-        for hypothesis in convention_hypotheses(rate, trials, flow, share_off=share_off)
+        for hypothesis in convention_hypotheses(
+            rate, trials, flow, share_off=share_off, lasts=_lasts(rate, extent, facts)
+        )
     ]
     # Flow may as well be made with a camera that is turned against the declared one, the other way round.
     of_flow = support("flow_geometry.second_stream_of_a_parameter")
@@ -215,6 +221,15 @@ def _of_one_rate(rate: str, features: Sequence[Feature], facts: Facts) -> tuple[
     named_poses = (hypothesis for hypothesis in poses if hypothesis.cause != ANY_CAUSE)
     named = most_probable([*conventions, *parameters, *named_poses])
     return ((*named, *foreign) or (Hypothesis("unknown", flow, support("flow_geometry.unknown")),)) + any_pose
+
+
+def _lasts(rate: str, extent: FieldsOff, facts: Facts) -> bool:
+    """Whether the fields that deviate follow each other, and are more than exchanged neighbours affect."""
+    if extent.count <= _FIELDS_OF_SINGLE_FRAMES or rate not in facts.clocks:
+        return False
+    times_ns = facts.clocks[rate].times_ns
+    between = int(np.count_nonzero((times_ns >= extent.first_ns) & (times_ns <= extent.last_ns)))
+    return between == extent.count < len(times_ns)
 
 
 def _of_shift(fit: FlowParameterFit, conventions: list[Hypothesis], flow: str) -> tuple[float, list[Hypothesis]]:

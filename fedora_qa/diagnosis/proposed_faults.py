@@ -163,12 +163,21 @@ def _slewed_part(fit: FittedCause) -> SlewedSegment | None:
 
 
 def _parts_of_depth(fit: FittedCause) -> list[RowRange]:
-    """Return the frames in which depth may have a fault for a while: those between the pairs of frames that deviate."""
-    parts = dict.fromkeys(part for alarm in fit.alarms if (part := frames_between(alarm)))
-    count = len(fit.facts.clocks["depth"].times_ns) if "depth" in fit.facts.clocks else 0
+    """Return the frames in which depth may have a fault for a while: those between the pairs of frames that deviate.
+
+    Under noise of the poses that hides the pairs they are those at which fields of flow begin that deviate.
+    """
+    clock = fit.facts.clocks.get("depth")
+    count = 0 if clock is None else len(clock.times_ns)
     # No pair shows whether a fault ends with the last frame, or which of two first frames has it.
-    ends = [(0 if first == 1 else first, None if last == count - 1 else last) for first, last in parts]
-    return [part for part in ends if part != (0, None)]
+    of_pairs = dict.fromkeys(part for alarm in fit.alarms if (part := frames_between(alarm)))
+    parts = [(0 if first == 1 else first, None if last == count - 1 else last) for first, last in of_pairs]
+    while_ns = None if parts else part_of_time(fit.alarms, "depth", fit.facts)
+    if clock is not None and while_ns is not None:
+        first, last = (int(np.searchsorted(clock.times_ns, time_ns)) for time_ns in while_ns)
+        # No field begins at the last frame.
+        parts = [(first, None if last >= count - 2 else last + 1)]
+    return [part for part in parts if part != (0, None)]
 
 
 def _displaced_frames(fit: FittedCause) -> list[RowRange]:
@@ -192,6 +201,32 @@ def _delayed_frames(fit: FittedCause) -> Faults:
     if frames and isclose(frames * period_ms, fit.size, rel_tol=_WHOLE_FRAMES):
         for part in parts:
             yield row_order.DelayedFrames(frames, frames * period_ms, part, fit.stream)
+
+
+def _exchanged_frames(fit: FittedCause) -> Faults:
+    """Yield the frames at both ends of what is out of order as exchanged; then all neighbours in pairs."""
+    streams = fit.facts.flow_streams if fit.stream == "flow" else (fit.stream,)
+    clock = max(
+        (fit.facts.clocks[s] for s in streams if s in fit.facts.clocks), key=lambda c: len(c.times_ns), default=None
+    )
+    if clock is None:
+        return
+    count, pairs = len(clock.times_ns), list[tuple[int, int]]()
+    for place in (a.finding.where for a in fit.alarms if a.finding.code == "images.order.share"):
+        if fit.stream == "rgb" and place.start_us is not None and place.stop_us is not None:
+            first, last = (fit.facts.from_file_us(us) for us in (place.start_us, place.stop_us))
+            pairs.append((int(np.searchsorted(clock.times_ns, first)), int(np.searchsorted(clock.times_ns, last))))
+    while_ns = None if fit.stream in ("rgb", "flow") else part_of_time(fit.alarms, fit.stream, fit.facts)
+    if while_ns is not None:
+        first, last = while_ns
+        pairs.append((int(np.searchsorted(clock.times_ns, first)), int(np.searchsorted(clock.times_ns, last))))
+    for first, last in dict.fromkeys(pairs):
+        if first < last < count:
+            yield row_order.SwappedFrames(fit.stream, ((first, last),))
+    # Two makers of frames that take turns, and were collected in the other order.
+    yield row_order.SwappedFrames(fit.stream, tuple((row, row + 1) for row in range(0, count - 1, 2)))
+    if 2 * fewest_fields_off(fit.alarms, fit.stream) > count:
+        yield row_order.SwappedFrames(fit.stream, tuple((row, row + 1) for row in range(1, count - 1, 2)))
 
 
 def _clock_shift(fit: FittedCause) -> Faults:
@@ -562,6 +597,7 @@ _PROPOSALS: Final[Mapping[str, Callable[[FittedCause], Faults]]] = MappingProxyT
         "clock_rate": _clock_rate,
         "time_unit": _time_units,
         "duplicated_samples": lambda fit: iter([row_order.DuplicatedSamples(fit.stream)]),
+        "swapped_frames": _exchanged_frames,
         "unsorted": lambda fit: iter([row_order.Unsorted(fit.stream, 0, 0)]),
         "index_off_by_one": _index_shift,
         "index_side": lambda fit: iter([index_maps.IndexSide(fit.stream)]),

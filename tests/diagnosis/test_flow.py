@@ -144,3 +144,20 @@ def test_one_transform_of_a_cause_is_not_weakened_by_another() -> None:
     trials = [ConventionTrial("flow/10hz", name, "flow", share) for name, share in shares]
     (hypothesis,) = convention_hypotheses("flow/10hz", trials, "flow", share_off=1.0)
     assert hypothesis.support == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(("sizes_ms", "cause"), [((20.0, -20.0), "swapped_frames"), ((20.0, 20.0), "time_offset")])
+def test_fields_that_are_late_beside_early_ones_begin_at_exchanged_frames(
+    sizes_ms: tuple[float, float], cause: str
+) -> None:
+    """A clock is late or early: all fields that deviate have one offset then."""
+    trials = [
+        trial
+        for size_ms in 4 * sizes_ms
+        for trial in (
+            ConventionTrial("flow/50hz", "delayed", "depth", 0.9, size_ms),
+            ConventionTrial("flow/50hz", "neighbouring_frame", "depth", 0.9, 1.0),
+        )
+    ]
+    best = max(convention_hypotheses("flow/50hz", trials, "flow", share_off=1.0), key=lambda each: each.support)
+    assert (best.cause, best.stream, best.support) == (cause, "depth", pytest.approx(0.9))

@@ -77,3 +77,21 @@ def test_flow_that_follows_the_recomputed_flow_is_of_one_sequence(correlation: f
     facts: Any = SimpleNamespace(declared=declared, clocks={})
     hypotheses = propose_endpoint(Alarm(Finding("F1", code, "error", "off", where), statistic), facts)
     assert (("other_sequence", "depth") in {(h.cause, h.stream) for h in hypotheses}) is is_foreign
+
+
+@pytest.mark.parametrize(("count", "cause"), [(4, "time_offset"), (2, "swapped_frames")])
+def test_more_fields_in_a_row_than_exchanged_frames_begin_are_those_of_a_while(count: int, cause: str) -> None:
+    """Depth that is a frame late for a while, or two frames that were exchanged."""
+    rate, times_ns = "flow/50hz", 20_000_000 * np.arange(50)
+    features = (
+        FlowRatesOff({rate: True}),
+        FieldsOff(count, count / 50, False, 0, 0, None, int(times_ns[10]), int(times_ns[9 + count])),
+        ConventionTrial(rate, "delayed", "depth", 0.9, 20.0),
+        ConventionTrial(rate, "neighbouring_frame", "depth", 0.9, 1.0),
+    )
+    code, where = "flow_geometry.endpoint.error", Where(stream=rate)
+    statistic = Statistic("error", 1.0, "px", 0.0, "off", code, where, features=features)
+    declared = SimpleNamespace(cameras={"depth": camera()}, pose=None)
+    facts: Any = SimpleNamespace(declared=declared, clocks={rate: SimpleNamespace(times_ns=times_ns)})
+    best = propose_endpoint(Alarm(Finding("F1", code, "error", "off", where), statistic), facts)[0]
+    assert (best.cause, best.stream) == (cause, "depth")

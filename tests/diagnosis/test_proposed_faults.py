@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.event_response.timing import DelayedSegment
+from fedora_qa.checks.flow_geometry.endpoint import FieldsOff
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.order import DisplacedFrames, OutOfOrderIntervals
 from fedora_qa.checks.protocol import Statistic
@@ -25,7 +26,7 @@ from fedora_qa.faults.intrinsics import FocalLength, IntrinsicsOfAnotherImage, P
 from fedora_qa.faults.motion import AngleSense, QuaternionOrder
 from fedora_qa.faults.mountings import MountingLeverArm, MountingRotation
 from fedora_qa.faults.pixels import PixelShift
-from fedora_qa.faults.row_order import DelayedFrames
+from fedora_qa.faults.row_order import DelayedFrames, SwappedFrames
 from fedora_qa.faults.table import faults_of
 from fedora_qa.faults.units import AngleUnit, FlowGain, LengthUnit
 from fedora_qa.features import Feature
@@ -38,7 +39,7 @@ from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.inertial_agreement import InertialConventionTrial
 from tests.support.memory_sequence import facts_of, memory_sequence
 
-NEED_ROWS = {"teleport", "swapped_frames", "noise_misdeclared"}
+NEED_ROWS = {"teleport", "noise_misdeclared"}
 """Causes whose faults need rows, or numbers, that no check states yet: they are not undone."""
 
 
@@ -591,3 +592,39 @@ def test_frames_of_a_turned_camera_are_undone_about_its_axis_first() -> None:
     first, second, *_ = faults_for("extrinsic_rotation", "metadata", 1.0, (), results, facts)
     assert first == MountingRotation("metadata", (0.0, 0.0, -1.0), "rgb")
     assert second == MountingRotation("metadata", (0.2, -0.1, -1.0), "rgb")
+
+
+def fields_off(rate: str, facts: Facts, first: int, last: int) -> Alarm:
+    """Fields of a rate deviate, from the first row to the last."""
+    times_ns = facts.clocks[rate].times_ns
+    count = last - first + 1
+    extent = FieldsOff(count, count / len(times_ns), False, 0, 0, None, int(times_ns[first]), int(times_ns[last]))
+    shown = alarm("flow_geometry.endpoint.error", extent)
+    return replace(shown, finding=replace(shown.finding, where=Where(stream=rate)))
+
+
+def test_fields_of_flow_state_the_part_of_depth_where_noise_of_the_poses_hides_pairs() -> None:
+    """Fields begin at the depth frames that are wrong."""
+    facts = facts_of(memory_sequence())
+    rate = max(facts.flow_streams, key=lambda stream: len(facts.clocks[stream].times_ns))
+    shown = fields_off(rate, facts, 1, 2)
+    times_ns = facts.clocks["depth"].times_ns
+    first, last = np.searchsorted(times_ns, facts.clocks[rate].times_ns[[1, 2]]).tolist()
+    period_ms = float(np.median(np.diff(times_ns))) / NS_PER_MS
+    fault = next(iter(faults_for("time_offset", "depth", period_ms, [shown], {}, facts)))
+    assert fault == DelayedFrames(1, period_ms, (first, last + 1))
+    of_pairs_alone = next(iter(faults_for("time_offset", "depth", period_ms, [shown, of_pairs(1, 3)], {}, facts)))
+    assert of_pairs_alone == DelayedFrames(1, period_ms, (2, 3))
+
+
+def test_frames_at_both_ends_of_what_is_out_of_order_are_exchanged_first() -> None:
+    """Then all neighbours in pairs, as of two renderers that take turns."""
+    facts = facts_of(memory_sequence())
+    times_ns = facts.clocks["rgb"].times_ns
+    shown = alarm("images.order.share", OutOfOrderIntervals((2.0, -1.0, 2.0), True, False))
+    place = Where(stream="rgb", start_us=facts.to_file_us(int(times_ns[1])), stop_us=facts.to_file_us(int(times_ns[2])))
+    shown = replace(shown, finding=replace(shown.finding, where=place))
+    pair, neighbours = faults_for("swapped_frames", "rgb", 1.0, [shown], {}, facts)
+    assert pair == SwappedFrames("rgb", ((1, 2),))
+    assert isinstance(neighbours, SwappedFrames)
+    assert neighbours.pairs[:2] == ((0, 1), (2, 3))
