@@ -9,7 +9,7 @@ from fedora_qa.checks.event_stream.duplicates import RepeatedEvents
 from fedora_qa.checks.event_stream.gaps import EventsStampedTogether, ExpectedEvents
 from fedora_qa.checks.event_stream.rates import HotPixelCount, MovedHotPixels
 from fedora_qa.diagnosis.clocks import hypotheses_of_reset
-from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
+from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis, only_feature, support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import ClockReset
@@ -106,7 +106,11 @@ def propose_rates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     if alarm.finding.code == "event_stream.rates.declared_hot_pixels":
         supported = support("event_stream.declared_hot_rate_of_moved" if moves else "event_stream.declared_hot_rate")
         percent = 100 * (statistic.value / statistic.expected - 1)
-        return *moves, Hypothesis("noise_misdeclared", "events", supported, percent, "percent")
+        declared = Hypothesis("noise_misdeclared", "events", supported, percent, "percent")
+        if moves or percent > 0:
+            return *moves, declared
+        # Whatever loses or moves events takes those of hot pixels as well.
+        return declared, Hypothesis(ANY_CAUSE, "events", support("event_stream.silenced_hot_pixels"))
     supported = support("event_stream.hot_pixels_that_moved" if moves else "event_stream.hot_pixels")
     count = only_feature(statistic.features, HotPixelCount).count
     return *moves, Hypothesis("hot_pixels", "events", supported, float(count), "pixels")
