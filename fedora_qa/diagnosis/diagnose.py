@@ -44,6 +44,7 @@ from fedora_qa.diagnosis.vetoes import (
     contradicts,
     disturbs_too_few,
     is_flow_of_a_part,
+    stand_still,
 )
 from fedora_qa.faults.fault import ReversibleFault, is_of_part
 from fedora_qa.faults.image_part import ImagePart
@@ -96,6 +97,7 @@ def rank_candidates(
         Of the clocks.
     """
     excluded = COMPARED_BY_FLOW if is_flow_of_a_part(alarms) else frozenset()
+    never = {("swapped_frames", "rgb")} if stand_still(alarms) else set()
     by_finding = {alarm.finding.id: alarm for alarm in alarms}
     other_order = support("images.colours_nearer_to_other_order") if is_nearer_to_other_order(results) else 0.0
     large_enough = {
@@ -124,6 +126,7 @@ def rank_candidates(
         candidate
         for candidate in gather_candidates(large_enough, _weights(alarms))
         if stream_family(candidate.stream) not in excluded
+        and candidate.key not in never
         and not contradicts(candidate.cause, candidate.stream, candidate.size.magnitude, results, places)
     ]
     return sorted(candidates, key=lambda candidate: -candidate.total_support)
@@ -199,12 +202,31 @@ def choose_causes(
             if other.key in trials
         )
 
+    def is_measured_otherwise(candidate: CauseCandidate, supported: Sequence[CauseCandidate]) -> bool:
+        """Whether undoing it in the whole file leaves all that it explains, and a check measures another cause of that.
+
+        Such a trial leaves a cause that may hold in a part of the file, and then with less right than the other one.
+        """
+        trial = trials.get(candidate.key)
+        if trial is None or not trial.fails or is_of_part(trial.fault) or tested[candidate.key]:
+            return False
+        own = {finding for finding, h in candidate.evidence.items() if h.support > 0}
+        return any(
+            other.key != candidate.key
+            and tested[other.key]
+            and own <= set(other.evidence)
+            # Sorted timestamps are in order, whatever has disordered them.
+            and not any(clears_by_construction(other.cause, codes[finding]) for finding in other.evidence)
+            for other in supported
+        )
+
     diagnoses: list[Diagnosis] = []
     explained: set[str] = set()
     # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most support, counted by check. Among equal
     # ones the first counts, which is ranked higher without trials.
     while supported := [c for c in candidates if gain(c) >= _ENOUGH and (tested[c.key] or c.best_support >= FITS)]:
-        best = max((c for c in supported if not is_surpassed(c, supported)), key=merit)
+        in_question = [c for c in supported if not is_surpassed(c, supported)]
+        best = max((c for c in in_question if not is_measured_otherwise(c, in_question)), key=merit)
         own = {f: h for f, h in best.evidence.items() if h.support > 0}
         # Where one clock is out of place, the others, which lie on one grid, are no rivals.
         is_odd = is_out_of_place(best)

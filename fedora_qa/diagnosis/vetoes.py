@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.event_response.conservation import Violations
+from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import (
@@ -45,6 +46,10 @@ _ALL: Final = 0.999
 
 _FEWEST_OTHERS: Final = 2
 """Streams that must agree with each other, because of two clocks that disagree either may be wrong."""
+
+_SEVERAL: Final = 3
+"""Least number of intervals without a displacement for frames that stand still: a frame that is out of place by one
+leaves one, and two may lie beside wrong flow."""
 
 _TELEPORT: Final = ("teleport", "pose")
 
@@ -292,7 +297,7 @@ def contradicts(
         return _frames_contradict(cause, stream, magnitude, results.get("flow_photometric.residual"))
     # Few events of another time leave what is measured of all as it is.
     are_strays = _has_finding(results.get("clocks.span"), "clocks.span.far") and family == "events"
-    # Nor does an offset of a part, into which the clock jumps, or at whose ends frames are out of order.
+    # Nor does an offset of a part, into which the clock jumps or at whose ends frames are out of order.
     jumps = cause == "time_offset" and (
         _jumps(results.get("clocks.gaps"), family) or (family == "rgb" and _failed(results.get("images.order")))
     )
@@ -391,6 +396,22 @@ def is_flow_of_a_part(alarms: Sequence[Alarm]) -> bool:
     explain = {key for key, removed in shares.items() if np.mean(removed) > _EXACT}
     # A gain may be the factor of a unit in one rate: what else explains a rate explains it.
     return ("", "parts_of_motion") in explain and {transform for _, transform in explain} == {"parts_of_motion"}
+
+
+def stand_still(alarms: Sequence[Alarm]) -> bool:
+    """Whether colour frames, or a part of them, stand still in several intervals, and are never displaced backwards.
+
+    Exchanged frames have the displacements 1 + d and 1 - d of their distance d, of which none is 0.
+
+    Parameters
+    ----------
+    alarms
+        Of the file, with the intervals of ``images.order``.
+    """
+    intervals = [f for alarm in alarms for f in alarm.statistic.features if isinstance(f, OutOfOrderIntervals)]
+    ratios = [ratio for feature in intervals for ratio in feature.relative_ratios]
+    stopped = sum(abs(ratio) < ALLOWED for ratio in ratios)
+    return stopped >= _SEVERAL and not any(ratio < -ALLOWED for ratio in ratios)
 
 
 def _contradicts_arm(family: str, magnitude_m: float | None, results: Results) -> bool:

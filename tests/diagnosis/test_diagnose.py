@@ -7,12 +7,14 @@ from typing import Any
 
 import pytest
 
+from fedora_qa.checks.images.order import OutOfOrderIntervals
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.candidates import CauseCandidate
 from fedora_qa.diagnosis.conclusion import UndoTrial
 from fedora_qa.diagnosis.diagnose import choose_causes, rank_candidates
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.diagnosis.vetoes import ClockPlace
+from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.image_part import ImagePart
 from fedora_qa.faults.pixels import PixelShift
 from fedora_qa.judgement.judge import Alarm
@@ -601,3 +603,28 @@ def test_a_factor_that_another_fault_has_bent_gives_no_size_beside_that_of_a_uni
     ]
     (candidate,) = rank_of(shown, {})
     assert candidate.size.magnitude == 3.2808
+
+
+def test_what_a_check_measures_comes_before_what_leaves_it_in_the_whole_file() -> None:
+    """Frames in another order have no clock that is late: moved in the whole file, all of it stays."""
+    late = Hypothesis("time_offset", "rgb", 0.7, 20.0, "ms")
+    of_order = Hypothesis("swapped_frames", "rgb", 0.6, 2.0, "samples")
+    explained = [
+        alarm(1, late, code="flow_photometric.residual.tile", stream="rgb"),
+        alarm(2, late, code="flow_photometric.residual.field", stream="rgb"),
+        alarm(3, replace(late, support=0.2), of_order, code="images.order.part", stream="rgb"),
+    ]
+    explained = [(a, (*h, replace(of_order, support=0.3)) if len(h) == 1 else h) for a, h in explained]
+    assert diagnosed(explained)[0].cause == "time_offset"
+    left = {"F1": 1.06, "F2": 1.48, "F3": 0.9}
+    trials = {("time_offset", "rgb"): replace(tried(left=left), fault=ClockShift("rgb", 2e7))}
+    assert diagnosed(explained, trials)[0].cause == "swapped_frames"
+
+
+def test_frames_that_stand_still_are_not_exchanged() -> None:
+    """The displacements of exchanged frames are 2, -1 and 2 of the flow."""
+    explained = alarm(1, Hypothesis("swapped_frames", "rgb", 0.8), Hypothesis("frozen_frames", "rgb", 0.5))
+    for ratios, first in (((0.0, 0.02, 0.1), "frozen_frames"), ((2.0, -1.0, 2.0), "swapped_frames")):
+        intervals = OutOfOrderIntervals(ratios, None, False)
+        statistic = replace(explained[0].statistic, features=(intervals,))
+        assert diagnosed([(Alarm(explained[0].finding, statistic), explained[1])])[0].cause == first
