@@ -56,6 +56,8 @@ _ARM_OF_IMU: Final = ("lever_arm", "imu")
 _OF_IMU: Final = "imu."
 """Beginning of the names and codes of checks of the IMU."""
 
+_SET_BACK: Final = "clocks.order.backward_steps"
+
 _OF_TIMESTAMPS: Final = ("clocks.", "index_maps.")
 """Beginnings of the codes of findings about timestamps and what is computed of them alone."""
 
@@ -207,6 +209,9 @@ def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
     codes
         Of all findings, by their id.
     """
+    if candidate.cause == "time_offset" and any(codes[finding] == _SET_BACK for finding in candidate.evidence):
+        # The clock was set within the file: timestamps before or behind that have no offset.
+        return False
     best = (f for f, h in candidate.evidence.items() if h.support >= candidate.best_support)
     return candidate.cause not in _MANY_MECHANISMS and not any(
         is_local(codes[finding]) or is_declared(codes[finding]) for finding in best

@@ -297,9 +297,11 @@ def contradicts(
         return _frames_contradict(cause, stream, magnitude, results.get("flow_photometric.residual"))
     # Few events of another time leave what is measured of all as it is.
     are_strays = _has_finding(results.get("clocks.span"), "clocks.span.far") and family == "events"
-    # Nor does an offset of a part, into which the clock jumps or at whose ends frames are out of order.
+    # Nor does an offset of a part, into which the clock jumps or is set back, or at whose ends frames are out of order.
     jumps = cause == "time_offset" and (
-        _jumps(results.get("clocks.gaps"), family) or (family == "rgb" and _failed(results.get("images.order")))
+        _jumps(results.get("clocks.gaps"), family)
+        or _steps_back(results.get("clocks.order"), family)
+        or (family == "rgb" and _failed(results.get("images.order")))
     )
     is_open = are_strays or jumps or (cause == "time_offset" and _left_together(family, results, places))
     if (cause, family) in _MEASURED and magnitude is not None and not is_open:

@@ -621,6 +621,18 @@ def test_what_a_check_measures_comes_before_what_leaves_it_in_the_whole_file() -
     assert diagnosed(explained, trials)[0].cause == "swapped_frames"
 
 
+def test_a_clock_that_was_set_within_the_file_is_not_ruled_out_by_a_trial_of_the_whole() -> None:
+    """Moved in the whole file, the timestamps that were right are off."""
+    fast = Hypothesis("clock_rate", "events", 0.9)
+    for code, cause in (("clocks.order.backward_steps", "time_offset"), ("clocks.rate.period", "clock_rate")):
+        explained = [
+            alarm(1, fast, replace(LATE, magnitude=None), code=code),
+            alarm(2, replace(LATE, support=0.8), code="index_maps.rgb.entry"),
+        ]
+        trials = {IS_LATE: tried(left={"F2": 1.0})}
+        assert diagnosed(explained, trials)[0].cause == cause
+
+
 def test_frames_that_stand_still_are_not_exchanged() -> None:
     """The displacements of exchanged frames are 2, -1 and 2 of the flow."""
     explained = alarm(1, Hypothesis("swapped_frames", "rgb", 0.8), Hypothesis("frozen_frames", "rgb", 0.5))

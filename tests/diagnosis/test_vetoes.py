@@ -337,15 +337,15 @@ def test_steps_of_the_opposite_sign_have_another_cause(step_percent: float, is_c
     assert contradicts("threshold_misdeclared", "events", 50.0, results, {}) == is_contradicted
 
 
-@pytest.mark.parametrize("jumps", [True, False])
-def test_an_offset_of_a_part_changes_the_whole_by_less(*, jumps: bool) -> None:
-    """Where the clock itself jumps, a small offset of the whole contradicts no larger one of a part."""
+@pytest.mark.parametrize("code", ["clocks.gaps.jump", "clocks.order.backward_steps", None])
+def test_an_offset_of_a_part_changes_the_whole_by_less(code: str | None) -> None:
+    """Where the clock itself jumps, or is set back, a small offset of the whole contradicts no larger one of a part."""
     whole = Measurement("time_offset", 0.003, "ms", 0.001, 0.0, 0.0031, 0.004)
-    jump = Finding("F1", "clocks.gaps.jump", "critical", "2 steps", Where("imu"))
     results = {"imu.timing": Result("imu.timing", "passed", "one clock", measurements=(whole,))}
-    if jumps:
-        results["clocks.gaps"] = Result("clocks.gaps", "failed", "jumps", findings=(jump,))
-    assert contradicts("time_offset", "imu", 0.009, results, {}) is not jumps
+    if code is not None:
+        check, step = code.rpartition(".")[0], Finding("F1", code, "critical", "2 steps", Where("imu"))
+        results[check] = Result(check, "failed", "steps", findings=(step,))
+    assert contradicts("time_offset", "imu", 0.009, results, {}) is (code is None)
 
 
 @pytest.mark.parametrize(("name", "is_contradicted"), [("frame", True), ("pose_correction", False)])
