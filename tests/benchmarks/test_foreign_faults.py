@@ -21,6 +21,7 @@ from fedora_qa.causes import INDEX_MAPS, TIMED, allowed
 from tests.benchmarks.foreign.scenes import Size
 from tests.benchmarks.foreign_faults import study
 from tests.benchmarks.foreign_faults.displacement import KEYS, recomputed
+from tests.benchmarks.foreign_faults.eighth_round.kinds import EIGHTH_ROUND
 from tests.benchmarks.foreign_faults.fifth_round.kinds import FIFTH_ROUND
 from tests.benchmarks.foreign_faults.fourth_round.kinds import FOURTH_ROUND
 from tests.benchmarks.foreign_faults.kind import ALL_SCENES, EXACT_SCENES, LAST_ROUND, SHARES, Kind, Plan, Range
@@ -89,10 +90,12 @@ def test_there_are_enough_kinds() -> None:
 def test_the_last_round_is_held_out() -> None:
     """All of it and nothing else."""
     assert {kind.round for kind in KINDS} == set(range(1, LAST_ROUND + 1))
-    assert [kind for kind in KINDS if kind.held_out] == list(SEVENTH_ROUND)
+    assert [kind for kind in KINDS if kind.held_out] == list(EIGHTH_ROUND)
 
 
-@pytest.mark.parametrize("kinds", [SECOND_ROUND, THIRD_ROUND, FOURTH_ROUND, FIFTH_ROUND, SIXTH_ROUND, SEVENTH_ROUND])
+@pytest.mark.parametrize(
+    "kinds", [SECOND_ROUND, THIRD_ROUND, FOURTH_ROUND, FIFTH_ROUND, SIXTH_ROUND, SEVENTH_ROUND, EIGHTH_ROUND]
+)
 def test_a_later_round_has_enough_kinds_of_its_own(kinds: tuple[Kind, ...]) -> None:
     """Of every stream, with a name and without, local ones and composites."""
     assert len({kind.round for kind in kinds}) == 1
@@ -219,7 +222,7 @@ def test_a_planter_alters_what_it_says_and_nothing_else(
 
 @pytest.mark.parametrize(
     "kind",
-    [*THIRD_ROUND, *FOURTH_ROUND, *FIFTH_ROUND, *SIXTH_ROUND, *SEVENTH_ROUND],
+    [*THIRD_ROUND, *FOURTH_ROUND, *FIFTH_ROUND, *SIXTH_ROUND, *SEVENTH_ROUND, *EIGHTH_ROUND],
     ids=lambda kind: kind.name,
 )
 def test_a_kind_is_planted_the_same_again(
@@ -555,6 +558,80 @@ def test_a_stale_tile_is_that_of_the_frame_before(pair_of: Callable[[str], tuple
     stale = np.broadcast_to(after[rows.start - 1], after.shape)
     np.testing.assert_array_equal(after[differs], stale[differs])
     assert differs.any(axis=0).mean() < 1 / 9 + 0.01
+
+
+def test_darker_events_of_a_preset_leave_less_than_one(
+    pair_of: Callable[[str], tuple[Contents, Contents, Plan]],
+) -> None:
+    """A pixel's change of light, in thresholds, is that of its events, to less than an event and what comes behind."""
+    old, new, plan = pair_of("darker events of a preset")
+    shape = (int(old["metadata/cameras/events@height"]), int(old["metadata/cameras/events@width"]))
+    totals = []
+    for contents, darker in ((old, 1.0), (new, 1 + plan.size / 100)):
+        total = np.zeros(shape)
+        signs = np.where(contents["path/events/p"] == 1, 1.0, -darker)
+        np.add.at(total, (contents["path/events/y"], contents["path/events/x"]), signs)
+        totals.append(total)
+    assert np.abs(totals[0] - totals[1]).max() < 1 + 1 + plan.size / 100
+    assert len(new["path/events/t"]) < len(old["path/events/t"])
+
+
+def test_what_is_left_in_a_buffer_has_been_written(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """All events are there first, and what follows them is a part of them, in their order."""
+    old, new, _ = pair_of("last buffer of events not emptied")
+    count, more = len(old["path/events/t"]), len(new["path/events/t"]) - len(old["path/events/t"])
+    assert 0 < more < count
+    for key in ("path/events/t", "path/events/x", "path/events/y", "path/events/p"):
+        np.testing.assert_array_equal(new[key][:count], old[key])
+    begin = np.flatnonzero(
+        [np.array_equal(old["path/events/t"][at : at + more], new["path/events/t"][count:]) for at in range(count)]
+    )
+    assert len(begin) > 0
+
+
+def test_numbers_of_pixels_stay_when_the_width_does_not(
+    pair_of: Callable[[str], tuple[Contents, Contents, Plan]],
+) -> None:
+    """Those of events that are kept, by the width that was taken, are among those of all by the sensor's width."""
+    old, new, plan = pair_of("numbers of pixels of another width")
+    width = int(old["metadata/cameras/events@width"])
+    before, after = (
+        np.bincount(contents["path/events/y"].astype(int) * taken + contents["path/events/x"], minlength=2 * width**2)
+        for contents, taken in ((old, width), (new, width + int(plan.size)))
+    )
+    assert np.all((after == before) | (after == 0))
+    assert after.sum() > 0.8 * before.sum()
+
+
+def test_warm_up_leaves_later_frames_in_sequence(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Frames behind the repeated first one are those of the beginning."""
+    old, new, plan = pair_of("colour behind its warm-up")
+    behind = int(plan.size)
+    np.testing.assert_array_equal(new["path/rgb"][behind:], old["path/rgb"][:-behind])
+    np.testing.assert_array_equal(new["path/rgb"][:behind], np.repeat(old["path/rgb"][:1], behind, axis=0))
+
+
+def test_rays_of_a_wider_angle_shorten_depth_at_corners(
+    pair_of: Callable[[str], tuple[Contents, Contents, Plan]],
+) -> None:
+    """By the ratio of both rays, which at a corner is that of sqrt(1 + tan^2) of its angles; not in the middle."""
+    old, new, _ = pair_of("rays of depth with 90 degrees")
+    ratio = new["path/depth"] / old["path/depth"]
+    height, width = ratio.shape[1:]
+    focal = old["metadata/cameras/depth@K"][0, 0]
+    corner = np.hypot(width - 1, height - 1) / 2
+    least = np.sqrt((1 + (corner / focal) ** 2) / (1 + (2 * corner / width) ** 2))
+    assert np.nanmin(ratio) == pytest.approx(least, rel=1e-5)
+    assert 0.999 < np.nanmax(ratio) <= 1 + 1e-6
+
+
+def test_a_way_in_body_axes_is_as_long(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Its steps are turned, and begin at the same place."""
+    old, new, _ = pair_of("way in body axes")
+    before, after = (contents["path/pose/position"] for contents in (old, new))
+    np.testing.assert_array_equal(after[0], before[0])
+    steps = [np.linalg.norm(np.diff(position, axis=0), axis=1) for position in (before, after)]
+    np.testing.assert_allclose(steps[1], steps[0], atol=1e-12)
 
 
 WHOLE_CHAIN = ("gyro in deg/s", "quaternions w first")

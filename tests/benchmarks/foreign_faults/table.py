@@ -13,6 +13,7 @@ from tests.benchmarks.foreign_faults import (
     sensor,
 )
 from tests.benchmarks.foreign_faults.composites import both
+from tests.benchmarks.foreign_faults.eighth_round.kinds import EIGHTH_ROUND
 from tests.benchmarks.foreign_faults.fifth_round.kinds import FIFTH_ROUND
 from tests.benchmarks.foreign_faults.fourth_round.kinds import FOURTH_ROUND
 from tests.benchmarks.foreign_faults.inertial import ACCELEROMETER, GYRO
@@ -454,4 +455,5 @@ KINDS: Final = (
     *FIFTH_ROUND,
     *SIXTH_ROUND,
     *SEVENTH_ROUND,
+    *EIGHTH_ROUND,
 )
