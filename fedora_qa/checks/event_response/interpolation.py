@@ -142,9 +142,9 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
     If the signal of a pixel is a straight line from one render to the next, its events have one polarity and equal
     spacings, to within the step of the timestamps, and fill the interval (``straight_runs``). If light is such a line,
     and the signal its logarithm, the spacings grow or shrink by the factor exp(C) from event to event; if code values
-    are, by exp(g C) with the exponent g of the declared transfer curve. These are tested as well, to within 2% of a
-    spacing and the chords of ten blends an interval. The light of a moving texture is no straight line, and an edge
-    passes in a part of the interval. More than one render a frame interval (n > 1) is assumed only where the image
+    are, by exp(g C) with the exponent g of the declared transfer curve. These are tested from frame to frame, to within
+    2% of a spacing and the chords of ten blends an interval. The light of a moving texture is no straight line, and an
+    edge passes in a part of the interval. More than one render a frame interval (n > 1) is assumed only where the image
     moves by more than n pixels in it (``tracked_motion_px``): good simulators render whenever the image has moved by a
     pixel, interpolate on shorter paths, and pass. A file without any render between its frames fails at any motion. The
     number of renders and the blend with the largest deviation are stated, or the limit of the least sensitive blend
@@ -154,12 +154,14 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
     -----------
     Light in a correct file does not depend on the times of the frames: lines within and across renders are equally
     probable. Light that changes slowly and evenly gives straight lines in both: with an edge that crosses a footprint,
-    a tenth to a half of the runs of a slow flight are straight in light. Both shares are binomial with the probability
-    of a line across. Pixels along an edge have lines together: the variance is multiplied by the dispersion of the
-    lines across, from frame interval to frame interval, where that exceeds 1. All blends count as tests. Ten lines are
-    added to this probability, because few or none occur (derivation beside ``UNSEEN_LINES``). The model error bound is
-    the probability of a line by chance, tick / spacing, so that coarse timestamps do not cause a finding. Runs with
-    spacings of less than ten ticks are left out.
+    a tenth to a half of the runs of a slow flight are straight in light. Textures are interpolated between texels, so
+    that their light has lines of its own; between several renders a frame these can have the phase of the renders, and
+    light and codes are not tested there. Both shares are binomial with the probability of a line across. Pixels along
+    an edge have lines together: the variance is multiplied by the dispersion of the lines across, from frame interval
+    to frame interval, where that exceeds 1. All blends count as tests. Ten lines are added to this probability, because
+    few or none occur (derivation beside ``UNSEEN_LINES``). The model error bound is the probability of a line by
+    chance, tick / spacing, so that coarse timestamps do not cause a finding. Runs with spacings of less than ten ticks
+    are left out.
 
     Cannot detect
     -------------
@@ -167,10 +169,10 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
     simulators also do it. Renders at a rate that is no multiple of the frame rate, or more than ten times as high, or
     that are shifted against the frames. Changes of less than three thresholds from render to render (hovering, no
     texture: not_observable). Blends of light or codes in less than ten steps a frame interval, or rounded to codes in
-    the dark, where half a step exceeds 2% of a threshold by far. Blends of anything but light in sensors of the linear
-    model. Timestamps so coarse that three events at ten steps do not fit between two frames, such as one event each
-    step of a millisecond in the simulated DVS plugin (not_observable). Interpolated events whose timestamps were then
-    jittered by more than their step.
+    the dark, where half a step exceeds 2% of a threshold by far. Blends of light or codes between renders that are not
+    in the file. Blends of anything but light in sensors of the linear model. Timestamps so coarse that three events at
+    ten steps do not fit between two frames, such as one event each step of a millisecond in the simulated DVS plugin
+    (not_observable). Interpolated events whose timestamps were then jittered by more than their step.
 
     Sources
     -------
@@ -259,14 +261,15 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
         compared = np.flatnonzero((within[:, 0] > 0) & (across[:, 0] > 0)).tolist()
         if not compared:
             return Observation(coverage, unobservable="no pixel has three events between two frames")
-        blends = range(len(state[0].domains))
-        tests = len(compared) * len(blends)
-        statistics = [self._lines(state, facts, index, blend, tests) for index in compared for blend in blends]
+        # Light of a texture is a straight line from texel to texel, whose phase may agree with several renders a frame.
+        of_frames = range(len(state[0].domains)) if compared[0] == 0 else range(0)
+        cases = [(0, blend) for blend in of_frames] + [(index, 0) for index in compared if index > 0]
+        statistics = [self._lines(state, facts, index, blend, len(cases)) for index, blend in cases]
         worst = max(statistics, key=_significance)
         if _significance(worst) > CLEAR:
             return Observation(coverage, (worst,))
         # Renders at the frames where nothing deviates: for many renders there are few runs, with a large limit.
-        return Observation(coverage, (max(statistics[: len(blends)], key=_limit),))
+        return Observation(coverage, (max(statistics[: max(len(of_frames), 1)], key=_limit),))
 
     def _lines(self, state: Sequence[RunCounts], facts: Facts, index: int, blend: int, tests: int) -> Statistic:
         """Return the statistic of a number of renders and a blend."""
