@@ -214,6 +214,7 @@ def choose_causes(
         return any(
             other.key != candidate.key
             and tested[other.key]
+            and not (other.key in trials and trials[other.key].fails)
             and own <= set(other.evidence)
             # Sorted timestamps are in order, whatever has disordered them.
             and not any(clears_by_construction(other.cause, codes[finding]) for finding in other.evidence)

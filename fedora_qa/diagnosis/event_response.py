@@ -20,7 +20,7 @@ from fedora_qa.checks.event_response.threshold import DomainPreference, EventSte
 from fedora_qa.checks.event_response.timing import DelayCourses, DelayedSegment, OffsetSize
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres, odd_intrinsics
-from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
+from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support, weakened
 from fedora_qa.diagnosis.measured_sizes import length_with_error, rgb_px_per_event_px
 from fedora_qa.diagnosis.vetoes import places_of_clocks
 from fedora_qa.estimators.clocks.regular_clock import fit_regular_clock
@@ -37,6 +37,9 @@ _REVERSED_BELOW: Final = -0.5
 
 _DOMAIN_PREFERRED: Final = 3.0
 """Standard errors by which the other domain must fit better to become a hypothesis (after an alarm only)."""
+
+_HALF_TURN: Final = -1.0
+"""Trace of the rotation of the image's axes below which it is nearer to a half turn than to a quarter turn."""
 
 _FEWEST_UNRELATED: Final = 3
 """Least number of successive intervals without correlation for another sequence: two lie beside one wrong frame."""
@@ -69,7 +72,21 @@ def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
                 *(hypotheses_of_centres(facts) if odd_intrinsics(facts) else ()),
             )
     (symmetry,) = (feature for feature in alarm.statistic.features if isinstance(feature, EventSymmetry))
-    return hypotheses_of_symmetry(symmetry)
+    hypotheses = hypotheses_of_symmetry(symmetry)
+    if symmetry.mirrored_columns and symmetry.mirrored_rows and _are_mounted_upside_down(facts):
+        # The declared half turn is what the events lack: turned events would need a turned sensor as well.
+        return tuple(weakened(hypotheses, support("event_response.orientation.beside_a_half_turn")))
+    return hypotheses
+
+
+def _are_mounted_upside_down(facts: Facts) -> bool:
+    """Whether the declared cameras of colour and events are turned by half about their optical axis."""
+    cameras = facts.declared.cameras
+    if not {"rgb", "events"} <= cameras.keys():
+        return False
+    # Axes x and y of the image point the other way: the trace of their rotation is -2.
+    relative = cameras["rgb"].T_body_camera[:3, :3].T @ cameras["events"].T_body_camera[:3, :3]
+    return float(relative[0, 0] + relative[1, 1]) < _HALF_TURN
 
 
 def hypotheses_of_symmetry(symmetry: EventSymmetry) -> tuple[Hypothesis, ...]:

@@ -162,7 +162,7 @@ def test_a_second_fit_keeps_to_the_grid_of_clocks() -> None:
     candidates = [CauseCandidate(late.cause, late.stream, {"F1": late}, {"F1": 1.0})]
     for places, sizes_ms in (({}, [-80.0, -80.0 / (1 - 1 / 7)]), ({"depth": ClockPlace("in", 20.0)}, [-80.0])):
         bench: Any = HalfCleared()
-        bench.run.ready.facts = SimpleNamespace(clocks={})
+        bench.run.ready.facts = SimpleNamespace(clocks={}, flow_streams=())
         run_trials(bench, candidates, places, quiet)
         assert [fault.magnitude for fault in bench.undone] == pytest.approx(sizes_ms)
 

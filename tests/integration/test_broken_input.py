@@ -90,7 +90,7 @@ BROKEN: dict[str, tuple[Mutation, int, str]] = {
     "a wrong type": (edited(float16_gyro), 1, "imu wrong_dtype"),
     "a wrong shape": (edited(quaternions_of_three), 1, "pose wrong_shape"),
     "a NaN in the IMU": (edited(nan_in_gyro), 1, "imu nan_in_stream"),
-    "zero events": (edited(no_events), 1, "events dropped_samples"),
+    "zero events": (edited(no_events), 1, "events missing_stream"),
     "fractional microseconds": (edited(fractional_timestamps), 1, "imu wrong_dtype"),
 }
 

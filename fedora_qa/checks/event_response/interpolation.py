@@ -59,6 +59,10 @@ not rounded need none."""
 FEWEST_BLENDS: Final = 10
 """Fewest blends in a frame interval between which the signal is taken for a straight line."""
 
+_MOST_USEFUL: Final = 0.15
+"""Largest bound and three standard errors of a blend with which a share of one half is detected: the detection limit is
+about three times as large."""
+
 CLEAR: Final = 3.0
 """Standard errors from which the number of renders with the largest deviation is stated; else the first number."""
 
@@ -157,11 +161,11 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
     a tenth to a half of the runs of a slow flight are straight in light. Textures are interpolated between texels, so
     that their light has lines of its own; between several renders a frame these can have the phase of the renders, and
     light and codes are not tested there. Both shares are binomial with the probability of a line across. Pixels along
-    an edge have lines together: the variance is multiplied by the dispersion of the lines across, from frame interval
-    to frame interval, where that exceeds 1. All blends count as tests. Ten lines are added to this probability, because
-    few or none occur (derivation beside ``UNSEEN_LINES``). The model error bound is the probability of a line by
-    chance, tick / spacing, so that coarse timestamps do not cause a finding. Runs with spacings of less than ten ticks
-    are left out.
+    an edge have lines of light together: for light and codes the variance is multiplied by the dispersion of the lines
+    across, from frame interval to frame interval, where that exceeds 1. All blends count as tests. Ten lines are added
+    to this probability, because few or none occur (derivation beside ``UNSEEN_LINES``). The model error bound is the
+    probability of a line by chance, tick / spacing, so that coarse timestamps do not cause a finding. Runs with
+    spacings of less than ten ticks are left out.
 
     Cannot detect
     -------------
@@ -269,7 +273,10 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
         if _significance(worst) > CLEAR:
             return Observation(coverage, (worst,))
         # Renders at the frames where nothing deviates: for many renders there are few runs, with a large limit.
-        return Observation(coverage, (max(statistics[: max(len(of_frames), 1)], key=_limit),))
+        # Of the blends whose limit is of use the least sensitive one; the signal has the smallest limit.
+        signal, *others = statistics[: max(len(of_frames), 1)]
+        of_use = [statistic for statistic in others if _limit(statistic) < _MOST_USEFUL]
+        return Observation(coverage, (max([signal, *of_use], key=_limit),))
 
     def _lines(self, state: Sequence[RunCounts], facts: Facts, index: int, blend: int, tests: int) -> Statistic:
         """Return the statistic of a number of renders and a blend."""
@@ -284,7 +291,8 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
         squares, products, run_squares = np.sum([counts.scatter[index, blend] for counts in state], axis=0).tolist()
         variance = squares - 2 * share_across * products + share_across**2 * run_squares
         binomial = runs_across * share_across * (1 - share_across)
-        dispersion = max(1.0, variance / binomial) if binomial > 0 else 1.0
+        is_signal = state[0].domains[blend] == "signal"
+        dispersion = max(1.0, variance / binomial) if binomial > 0 and not is_signal else 1.0
         error = sqrt(dispersion * probability * (1 - probability) * (1 / runs + 1 / runs_across))
         steps = STEPS[index]
         rates_hz = [NS_PER_S * steps * counts.intervals[index] / max(counts.lengths_ns[index], 1) for counts in state]

@@ -358,7 +358,7 @@ def delay_courses(
     courses
         Of sum 1.
     segment
-        The best one; None where all windows, or none, have the delay.
+        The best one; None where one offset of all windows is more probable.
     """
     usable = np.isfinite(local.delays_s) & np.isfinite(local.errors_s)
     delays_s, errors_s, spans_ns = (local.delays_s - expected_s)[usable], local.errors_s[usable], spans_ns[usable]
@@ -383,7 +383,9 @@ def delay_courses(
     probabilities /= probabilities.sum()
     constant, drift, segment = (float(probability) for probability in probabilities)
     courses = DelayCourses(constant, drift, segment, reaches_end=bool(inside[0] or inside[-1]))
-    return courses, None if best is None else _delayed_segment(best, delays_s, spans_ns)
+    if best is None or segment <= constant:
+        return courses, None
+    return courses, _delayed_segment(best, delays_s, spans_ns)
 
 
 def _fitted_multiple(

@@ -186,8 +186,9 @@ def test_a_part_of_the_intervals_suffices(threshold: float, path: Path, monkeypa
     path.unlink()
     lines = lines_of(clean, path)
     assert lines.outcome == "passed"
-    # sqrt(10 / 3) = 1.8 where lines occur, and 10 / 3 where the added ones are most of them.
-    assert 1.5 * error < lines.error < 3.6 * error
+    # sqrt(10 / 3) = 1.8 where lines occur, and 10 / 3 where the added ones are most of them. A blend whose limit is of
+    # no use then is not stated, and the next one has a smaller error.
+    assert error < lines.error < 3.6 * error
     coverage = run_check(path, CHECK).coverage
     assert 0.25 * coverage.of < coverage.seen < 0.4 * coverage.of
     path.unlink()
