@@ -126,9 +126,9 @@ class ClocksSpan(FactsCheck):
     Cannot detect
     -------------
     Streams that all begin late or end early together. Events may begin late and end early, because a still scene gives
-    none: it is required that some of them lie within the span of the other streams, and that none lie far from it
-    beyond a silence. A stream without any event is noted where frames show whether events are due, and is a finding
-    without.
+    none: without frames, which show whether light changes, more than 0.1 s are a warning. It is required that some of
+    them lie within the span of the other streams, and that none lie far from it beyond a silence. A stream without any
+    event is noted where frames show whether events are due, and is a finding without.
 
     Sources
     -------
@@ -171,6 +171,7 @@ class ClocksSpan(FactsCheck):
         if facts.events is not None and not facts.events.count and "rgb" in facts.clocks:
             message = f"there are no events in {(finish - begin) / NS_PER_S:.3g} s, which only a still scene explains"
             notices.append(Notice("clocks.span.no_events", message, Where(stream="events")))
+        notices += _silent_ends(facts, begin, finish) if ends else ()
         # Streams whose next sample would have been due before, or at, the instant where half of the streams end.
         for stream, (start, stop) in ends.items():
             if stream in failed or is_recorded:
@@ -269,6 +270,21 @@ def _of_events(facts: Facts, begin: float, finish: float) -> Iterator[Statistic]
     )
     if apart_ns <= 0 and facts.declared.kind != "recorded":
         yield from _of_strays(facts, facts.events.strays(begin, finish))
+
+
+def _silent_ends(facts: Facts, begin: float, finish: float) -> Iterator[Notice]:
+    """Yield how long there is no event at an end of the other streams, where no frames show whether light changes."""
+    events = facts.events
+    if events is None or events.count == events.unplaced or "rgb" in facts.clocks:
+        return
+    ends = (("begin", "late", "after", events.first_ns - begin), ("end", "early", "before", finish - events.last_ns))
+    for verb, when, side, silent_ns in ends:
+        if _LONGEST_PERIOD_NS < silent_ns < finish - begin:
+            message = (
+                f"events {verb} {silent_ns / NS_PER_S:.3g} s {side} the other streams: the scene did not change, or "
+                "events are missing"
+            )
+            yield Notice(f"clocks.span.events_{verb}_{when}", message, Where(stream="events"))
 
 
 def _of_strays(facts: Facts, strays: Sequence[StrayEvents]) -> Iterator[Statistic]:

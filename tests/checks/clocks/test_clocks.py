@@ -576,6 +576,27 @@ def test_without_frames_no_scene_is_known_to_be_still(count: int, is_few: bool) 
     assert [alarm.finding.code for alarm in alarms] == ["clocks.span.few_samples"] * is_few
 
 
+@pytest.mark.parametrize(
+    ("first_ms", "last_ms", "codes"),
+    [
+        (400, 1990, ["clocks.span.events_begin_late"]),
+        (10, 1500, ["clocks.span.events_end_early"]),
+        (400, 1500, ["clocks.span.events_begin_late", "clocks.span.events_end_early"]),
+        (90, 1950, []),
+    ],
+)
+def test_without_frames_silent_ends_are_noted(first_ms: int, last_ms: int, codes: list[str]) -> None:
+    """The scene may have been still; with frames the conservation of light decides."""
+    facts = exact_facts()
+    assert facts.events is not None
+    cut = replace(facts, events=replace(facts.events, first_ns=first_ms * MS, last_ns=last_ms * MS))
+    alone = replace(cut, clocks={s: c for s, c in facts.clocks.items() if s != "rgb"})
+    result = judged("clocks.span", alone).result
+    assert [finding.code for finding in result.findings] == codes
+    assert result.outcome == ("warned" if codes else "passed")
+    assert not judged("clocks.span", cut).result.findings
+
+
 def with_stray(row: int, before_ms: int, after_ms: int) -> Facts:
     """Events of which those before a row, or from it on, lie elsewhere: between both there is none."""
     facts = exact_facts()
