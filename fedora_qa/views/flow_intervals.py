@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.geometry.camera import RigidMotion, camera_motion, motion_covariance, motion_derivatives
-from fedora_qa.geometry.motion import interpolate_poses, interpolation_gains
+from fedora_qa.geometry.motion import interpolate_poses, interpolation_gains, noise_of_difference
 from fedora_qa.geometry.so3 import cross_matrices, quaternions_from_matrices
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import Camera
@@ -252,6 +252,9 @@ class PoseTrack:
             (6, 6): rotation in rad, translation in m.
         """
         R, positions_m = self.poses_at(np.array([start_ns, end_ns], dtype=np.int64))
+        # Poses that are interpolated from the same samples share their noise.
+        shared = noise_of_difference(self.poses.times_ns, start_ns=start_ns, end_ns=end_ns)
+        position_sigma_m, rotation_sigma_rad = shared * position_sigma_m, shared * rotation_sigma_rad
         baseline_m = float(np.linalg.norm(positions_m[1] - positions_m[0]))
         return motion_covariance(
             R[0], positions_m[0], R[1], positions_m[1], self.camera.T_body_camera,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.geometry import so3
-from fedora_qa.geometry.motion import interpolate_poses, interpolation_gains, lagrange_weights
+from fedora_qa.geometry.motion import interpolate_poses, interpolation_gains, lagrange_weights, noise_of_difference
 
 STEP_NS = 5_000_000
 
@@ -100,3 +100,25 @@ def test_lagrange_weights_reproduce_polynomials(jitter: list[float], coefficient
     nodes = np.arange(-2.3, 3.0) + 0.1 * np.array(jitter)
     weights = lagrange_weights(nodes[None])[0]
     np.testing.assert_allclose(weights @ np.polyval(coefficients, nodes), coefficients[-1], atol=1e-8)
+
+
+def test_poses_that_share_samples_share_their_noise() -> None:
+    """Between two samples the noise is that of two; of a line through two samples it is the share of their interval."""
+    times_ns = 35_000_000 * np.arange(20, dtype=np.int64)
+    assert noise_of_difference(times_ns, start_ns=int(times_ns[3]), end_ns=int(times_ns[9])) == pytest.approx(1.0)
+    assert noise_of_difference(times_ns[:2], start_ns=5_000_000, end_ns=25_000_000) == pytest.approx(20 / 35)
+
+
+@pytest.mark.parametrize(("start_ms", "end_ms"), [(300, 320), (311, 331), (20, 40), (205, 400)])
+def test_the_noise_of_a_difference_is_that_of_drawn_noise(start_ms: int, end_ms: int) -> None:
+    """2100 numbers have a spread with an error of 1.5%; four of them are allowed."""
+    random, times_ns = np.random.default_rng(5), 35_000_000 * np.arange(20, dtype=np.int64)
+    at_ns = 1_000_000 * np.array([start_ms, end_ms], dtype=np.int64)
+    upright = np.tile([0.0, 0.0, 0.0, 1.0], (20, 1))
+    differences = [
+        np.diff(interpolate_poses(times_ns, random.normal(size=(20, 3)), upright, at_ns=at_ns)[1], axis=0)[0]
+        for _ in range(700)
+    ]
+    ratio = float(np.std(differences)) / np.sqrt(2.0)
+    expected = noise_of_difference(times_ns, start_ns=int(at_ns[0]), end_ns=int(at_ns[1]))
+    assert ratio == pytest.approx(expected, rel=0.065)
