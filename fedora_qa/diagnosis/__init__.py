@@ -6,8 +6,8 @@ factors of whole streams, ``flow`` those of all flow but ``flow_geometry``, and 
 ``event_response.conservation``. ``joined_findings`` has those that two findings state together. ``candidates`` gathers
 hypotheses by cause, ``diagnose`` chooses the fewest causes, and ``vetoes`` and ``direct`` state what contradicts or
 measures a cause. ``declared_cameras`` states which declared numbers of cameras were chosen.
-``proposed_faults`` makes faults of a ``fitted_cause``, those of cameras in ``proposed_camera_faults`` and those of
-poses and the IMU in ``proposed_motion_faults``, with sizes from the hypotheses and from ``measured_sizes``, and the
-part of the images or of the time that deviates from ``image_parts``; ``conclusion`` states how a cause is known after
-they were undone.
+``proposed_faults`` makes faults of a ``fitted_cause``, those of clocks in ``proposed_clock_faults``, of cameras in
+``proposed_camera_faults`` and of poses and the IMU in ``proposed_motion_faults``, with sizes from the hypotheses and
+from ``measured_sizes``, and the part of the images or of the time that deviates from ``image_parts``; ``conclusion``
+states how a cause is known after they were undone.
 """

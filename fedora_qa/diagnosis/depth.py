@@ -15,6 +15,7 @@ from fedora_qa.checks.depth.consistency import MotionCorrections, PairsOff
 from fedora_qa.checks.depth.parameters import ResidualReduction
 from fedora_qa.checks.depth.range import RANGE_ROUNDING, DepthExtent
 from fedora_qa.checks.depth.scale import PathScale
+from fedora_qa.checks.integrity.finite import BESIDE_RANGE
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.diagnosis.hypothesis import (
     ANY_CAUSE,
@@ -32,9 +33,6 @@ from fedora_qa.views.depth_conventions import Extent, PairTrials, Transform
 
 Size = Callable[[float], float | None]
 """The parameter of a transform -> the size of the fault in the unit of its cause; None where it has no size."""
-
-_BESIDE: Final = 2.0
-"""Largest ratio of a depth beside the range to its end, as in ``integrity.finite``."""
 
 _MISFIT_CAUSES: Final = {
     "depth": (
@@ -113,7 +111,7 @@ def propose_range(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         if low_m <= nearest_m * (1 + RANGE_ROUNDING) and farthest_m * (1 - RANGE_ROUNDING) <= high_m:
             return (Hypothesis("unit_mm_m", "depth", support("depth.unit_that_fits_range"), factor, "1"),)
     # Codes lie far from depths.
-    is_beside = extent.nearest_m >= low_m / _BESIDE and extent.farthest_m <= _BESIDE * high_m
+    is_beside = extent.nearest_m >= low_m / BESIDE_RANGE and extent.farthest_m <= BESIDE_RANGE * high_m
     return (
         Hypothesis(
             "invalid_encoding",

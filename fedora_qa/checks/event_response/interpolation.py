@@ -60,8 +60,8 @@ FEWEST_BLENDS: Final = 10
 """Fewest blends in a frame interval between which the signal is taken for a straight line."""
 
 _MOST_USEFUL: Final = 0.15
-"""Largest bound and three standard errors of a blend with which a share of one half is detected: the detection limit is
-about three times as large."""
+"""Largest sum of the bound and three standard errors of a blend whose limit is of use. Detection limits were about 3
+times this sum, and one half is of use. The value is not derived."""
 
 CLEAR: Final = 3.0
 """Standard errors from which the number of renders with the largest deviation is stated; else the first number."""
@@ -152,7 +152,7 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
     moves by more than n pixels in it (``tracked_motion_px``): good simulators render whenever the image has moved by a
     pixel, interpolate on shorter paths, and pass. A file without any render between its frames fails at any motion. The
     number of renders and the blend with the largest deviation are stated, or the limit of the least sensitive blend
-    where none deviates. For large sensors, three frame intervals in each 0.2 s are used.
+    whose limit is of use where none deviates. For large sensors, three frame intervals in each 0.2 s are used.
 
     Noise model
     -----------
@@ -173,10 +173,11 @@ class EventResponseInterpolation(WindowCheck[RunCounts]):
     simulators also do it. Renders at a rate that is no multiple of the frame rate, or more than ten times as high, or
     that are shifted against the frames. Changes of less than three thresholds from render to render (hovering, no
     texture: not_observable). Blends of light or codes in less than ten steps a frame interval, or rounded to codes in
-    the dark, where half a step exceeds 2% of a threshold by far. Blends of light or codes between renders that are not
-    in the file. Blends of anything but light in sensors of the linear model. Timestamps so coarse that three events at
-    ten steps do not fit between two frames, such as one event each step of a millisecond in the simulated DVS plugin
-    (not_observable). Interpolated events whose timestamps were then jittered by more than their step.
+    the dark, where half a step exceeds 2% of a threshold by far. Blends of light or codes whose own limit is of no use;
+    then the limit is that of the signal. Blends of light or codes between renders that are not in the file. Blends of
+    anything but light in sensors of the linear model. Timestamps so coarse that three events at ten steps do not fit
+    between two frames, such as one event each step of a millisecond in the simulated DVS plugin (not_observable).
+    Interpolated events whose timestamps were then jittered by more than their step.
 
     Sources
     -------

@@ -25,7 +25,7 @@ _FULL: Final = 0.5
 it, and return, within an interval of frames."""
 
 
-_BESIDE: Final = 2.0
+BESIDE_RANGE: Final = 2.0
 """Largest ratio of a depth beside the range to its end: a larger scale is another unit. The value is not derived."""
 
 FALSE_ALARMS: Final = 1e-6
@@ -296,7 +296,7 @@ def _statistics(total: DatasetCounts, facts: Facts) -> Iterator[Statistic]:
         finite = total.values - total.nan - total.infinite
         is_constant, run = total.low == total.high, run_of(total.rescaled_rows)
         beside = range_m is not None and (
-            range_m[0] / _BESIDE <= total.low / MM_PER_M and total.high / MM_PER_M <= _BESIDE * range_m[1]
+            range_m[0] / BESIDE_RANGE <= total.low / MM_PER_M and total.high / MM_PER_M <= BESIDE_RANGE * range_m[1]
         )
         features = (OutOfRange(finite, total.outside, total.rescaled, is_constant, run, beside and not is_constant),)
     else:
