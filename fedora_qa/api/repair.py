@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fedora_qa.api.options import AnyPath, copied_as, folder_texts, path_text, settings_of
 from fedora_qa.cli.repair import repair_lines, require_writable
-from fedora_qa.cli.sequences import require_hdf5
+from fedora_qa.cli.sequences import require_one_sequence
 from fedora_qa.cli.settings import check_options
 from fedora_qa.engine.options import Effort
 from fedora_qa.engine.progress import quiet
@@ -62,7 +62,7 @@ def repair(
     Parameters
     ----------
     path
-        An HDF5 file, which is only read.
+        An HDF5 file, or a folder that is one sequence; it is only read.
     out
         The repaired file. It is written only if it is better than the file, and may be None in a dry run.
     only
@@ -105,7 +105,7 @@ def repair(
     settings = settings_of(config, options)
     require_writable(file, output, Path(config) if config else None, settings.metadata, force=force)
     engine_options = check_options(settings)
-    require_hdf5([file])
+    require_one_sequence(file, engine_options.dialect)
     target = None if dry_run else output
     result = repair_file(file, target, engine_options, quiet, only=tuple(only))
     return copied_as(RepairedFile, result, output=target)

@@ -263,13 +263,14 @@ def score(**arguments: Any) -> int:
 @click.option("--effort", type=_EFFORTS, help="As `check` had it.")
 @click.option("--config", type=PATH, help="As `check` had it.")
 @click.option("--dialect", metavar="NAME|FILE.toml", shell_complete=complete_dialect, help="As `check` had it.")
+@click.option("--metadata", metavar="FILE.toml", help="As `check` had it.")
 @allow_external_option
 @_force_option
 def extract(**arguments: Any) -> int:
     """Write the part of FILE around the place of FINDING, such as F1, and check that it still shows the finding.
 
-    Pieces are tried from short to long. Exit codes: 0 written, and the finding is in it; 2 misuse; 3 written, and the
-    finding is not in it.
+    FILE may be a folder that is a sequence. Pieces are tried from short to long. Exit codes: 0 written, and the finding
+    is in it; 2 misuse; 3 written, and the finding is not in it.
     """
     with loading_modules():
         from fedora_qa.cli.extract import run_extract  # noqa: PLC0415 - loads what measures
@@ -298,6 +299,8 @@ def extract(**arguments: Any) -> int:
 @_force_option
 def repair(**arguments: Any) -> int:
     """Check FILE, undo what is confirmed and mechanical in a copy, check the copy, and keep it if it is better.
+
+    Of a folder that is a sequence, the copy is one canonical file.
 
     Exit codes: 0 written, or with --dry-run there is something to repair; 1 nothing is confirmed, or the copy is not
     better, and nothing is left behind; 2 misuse.
@@ -346,15 +349,20 @@ def import_(**arguments: Any) -> int:
 @click.argument("source", type=PATH)
 @click.argument("output", type=PATH)
 @click.option(
-    "--to", "form", type=click.Choice(["tum", "dsec"]), required=True, help="tum: a text of poses; dsec: a folder."
+    "--to",
+    "form",
+    type=click.Choice(["fedora", "tum", "dsec"]),
+    required=True,
+    help="fedora: one canonical file; tum: a text of poses; dsec: a folder.",
 )
 @dialect_option
 @metadata_option
 def export(**arguments: Any) -> int:
-    """Write SOURCE, a file or folder, in a layout of others to OUTPUT.
+    """Write SOURCE, a file or folder, in another layout to OUTPUT.
 
-    tum writes the poses of the body in the world. dsec writes events, images, flow of 10 Hz, and the calibration of
-    pinhole cameras; depth, IMU, poses and other flow have no place there. OUTPUT gets its name when it is complete.
+    fedora writes all of it as one HDF5 file, which is read without a dialect. tum writes the poses of the body in the
+    world. dsec writes events, images, flow of 10 Hz, and the calibration of pinhole cameras; depth, IMU, poses and
+    other flow have no place there. OUTPUT gets its name when it is complete.
 
     Exit codes: 0 written; 2 SOURCE cannot be read, or OUTPUT not be written, and nothing is left behind.
     """

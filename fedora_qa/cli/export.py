@@ -11,6 +11,7 @@ from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.executors.executor import Task, Worker, opening_test
 from fedora_qa.errors import MisuseError, UnreadableRowsError, UnrecognisedError
+from fedora_qa.exporting.canonical import write_fedora
 from fedora_qa.exporting.dsec import write_dsec
 from fedora_qa.exporting.tum import write_tum
 from fedora_qa.layout.dialect import DialectChoice, load_choice
@@ -18,10 +19,10 @@ from fedora_qa.record.wording import not_recognised, unobeyed
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.storage.folder import is_folder, root_of
 
+Form = Literal["tum", "dsec", "fedora"]
 
-def run_export(
-    source: Path, output: Path, form: Literal["tum", "dsec"], dialect: str | None, metadata: str | None
-) -> int:
+
+def run_export(source: Path, output: Path, form: Form, dialect: str | None, metadata: str | None) -> int:
     """Run the command and return its exit code."""
     if output.exists() or output.is_symlink():
         raise MisuseError(f"Expected a new output, got {output}, which exists; remove it, or choose another name")
@@ -33,22 +34,32 @@ def run_export(
         raise MisuseError(f"Expected an output outside of {source}, which is read, got {output}")
     choice = load_choice(dialect, metadata)
     with progress_bar(source.name) as bar:
-        rows: dict[str, int] = run_isolated(
+        rows, beside = run_isolated(
             Task(_export, (source, output, form, choice)), source, opening_test(source, choice), bar
         )
     counted = ", ".join(f"{stream} {count}" for stream, count in rows.items())
     click.echo(unobeyed(f"{output} is written; rows: {counted}."))
+    for line in beside:
+        click.echo(unobeyed(f"    {line}"))
     return CLEAN
 
 
 def _export(
-    source: Path, output: Path, form: Literal["tum", "dsec"], dialect: DialectChoice, worker: Worker
-) -> dict[str, int]:
-    """Write a sequence in the layout of a name, and return the number of rows by stream."""
+    source: Path, output: Path, form: Form, dialect: DialectChoice, worker: Worker
+) -> tuple[dict[str, int], tuple[str, ...]]:
+    """Write a sequence in the layout of a name; return the number of rows by stream, and what has no place there."""
     try:
         with open_sequence(source, dialect) as sequence:
             if not sequence.layout.is_recognised:
                 raise UnrecognisedError(not_recognised(source))
-            return write_tum(sequence, output) if form == "tum" else write_dsec(sequence, output, worker.progress)
+            if form == "tum":
+                return write_tum(sequence, output), ()
+            if form == "dsec":
+                return write_dsec(sequence, output, worker.progress), ()
+            written = write_fedora(sequence, output, worker.progress)
+            lines = [f"{key} is left out: {reason}" for key, reason in written.left_out.items()]
+            if written.beside:
+                lines.append(f"The layout has no place for {written.beside.name}: declare it with --metadata.")
+            return written.rows, tuple(lines)
     except UnreadableRowsError as error:
         raise MisuseError(f"{error}: {source}; check the file first, and repair it or cut out a part") from error

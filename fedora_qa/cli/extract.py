@@ -9,7 +9,7 @@ from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.cli.sequences import require_hdf5
+from fedora_qa.cli.sequences import require_one_sequence
 from fedora_qa.cli.settings import check_options, settings_from
 from fedora_qa.engine.executors.executor import CHECK_WHOLE, Task, Worker, opening_test
 from fedora_qa.engine.options import CheckOptions, Effort
@@ -22,6 +22,7 @@ from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.record.wording import unobeyed
 from fedora_qa.storage.digest import file_digest
+from fedora_qa.storage.folder import local_version
 
 
 def run_extract(
@@ -43,7 +44,7 @@ def run_extract(
     profile = record.profile if record and record.profile in PROFILES else None
     asked = {**overrides, "effort": overrides["effort"] or effort, "profile": profile}
     options = check_options(settings_from(config, asked))
-    require_hdf5([file])
+    require_one_sequence(file, options.dialect)
     opening = opening_test(file, options.dialect, options.allow_external)
     if record and record_path:
         file_record = _part_about(file, record, record_path)
@@ -62,7 +63,7 @@ def run_extract(
                 f"Expected a file to cut a piece out of, got: {problem}; send the file as it is"
             ) from None
     # What the piece holds, and whether the finding is found in it.
-    sizes = [path.stat().st_size / 1e6 for path in (output, file)]
+    sizes = [local_version(path).size / 1e6 for path in (output, file)]
     lines = [f"{output}: {sizes[0]:.3g} MB of the {sizes[1]:.3g} MB of {file}"]
     lines += [
         f"  {stream:<14} rows {rows.start} to {rows.stop} of {rows.of}" for stream, rows in extracted.kept.items()

@@ -10,7 +10,7 @@ from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.outputs import require_new_file
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.cli.sequences import require_hdf5
+from fedora_qa.cli.sequences import require_one_sequence
 from fedora_qa.cli.settings import check_options, settings_from
 from fedora_qa.engine.executors.executor import Task, Worker, opening_test
 from fedora_qa.engine.options import CheckOptions
@@ -41,7 +41,7 @@ def run_repair(
     settings = settings_from(config, overrides)
     require_writable(file, output, config, settings.metadata, force=force)
     options = check_options(settings)
-    require_hdf5([file])
+    require_one_sequence(file, options.dialect)
     named = tuple(name.strip() for names in only for name in names.split(",") if name.strip())
     opening = opening_test(file, options.dialect, options.allow_external)
     with progress_bar(file.name) as bar:

@@ -17,6 +17,9 @@ if TYPE_CHECKING:  # commands that are given no folder load no HDF5 here
 
 HDF5_SUFFIXES: Final = frozenset({".h5", ".hdf5"})
 
+_NAMED: Final = 3
+"""Sequences that a message names."""
+
 _DEEPEST: Final = 8
 """Folders within folders in which sequences are looked for."""
 
@@ -60,6 +63,17 @@ def sequences_of(places: Sequence[Place], choice: "DialectChoice") -> tuple[Plac
             require_readable(place)
     _require_each_once(sequences, "sequence")
     return tuple(sequences)
+
+
+def require_one_sequence(path: Path, choice: "DialectChoice") -> None:
+    """Raise ``MisuseError`` before any work where a path is neither an HDF5 file nor a folder that is one sequence."""
+    if not is_folder(path):
+        require_hdf5([path])
+        return
+    sequences = sequences_of([path], choice)
+    if sequences != (path,):
+        names = ", ".join(map(str, sequences[:_NAMED])) + (", ..." if len(sequences) > _NAMED else "")
+        raise MisuseError(f"Expected one sequence, got {path}, which holds {len(sequences)}; name one of {names}")
 
 
 def require_hdf5(files: Sequence[Place]) -> None:

@@ -36,9 +36,11 @@ from fedora_qa.layout.hdf5_objects import READ_ERRORS, RefusedError, find_datase
 from fedora_qa.layout.resolve import detect_dialect
 from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Finding
+from fedora_qa.sequence.canonical_copy import canonical_file
 from fedora_qa.sequence.facts import IndexMap
 from fedora_qa.sequence.scan import Scan, definition_of_map, entries_by_definition, scan
 from fedora_qa.sequence.sequence import SequenceRows, open_sequence
+from fedora_qa.storage.folder import is_folder
 
 _Address = tuple[str, int]
 """The file in which an object lies, and its address there."""
@@ -85,7 +87,8 @@ def extract(
     """Write the shortest piece that shows a finding, or the longest that was tried where none does.
 
     Pieces around the finding's place are written and checked, each with twice the margin of the one before, until the
-    check finds the same rule broken in the same stream. The target is written entirely or not at all.
+    check finds the same rule broken in the same stream. The target is written entirely or not at all. A folder is
+    written as one canonical file first, of which pieces are cut.
 
     Parameters
     ----------
@@ -104,6 +107,10 @@ def extract(
     # Without `allow_external`: the piece must show the finding by itself, on a machine that has no other files.
     options = replace(options, select=(wanted.check,), ignore=(), evidence=None, canary=False, allow_external=())
     with ExitStack() as opened:
+        if is_folder(source):
+            beside = target.resolve().parent
+            source, dialect = opened.enter_context(canonical_file(source, options.dialect, beside, report))
+            options = replace(options, dialect=dialect)
         sequence = opened.enter_context(open_sequence(source, options.dialect, allow_external=folders))
         file = opened.enter_context(h5py.File(source.resolve() if folders else source, "r", locking="best-effort"))
         external_files = opened.enter_context(closing(ExternalFiles(folders))) if folders else None

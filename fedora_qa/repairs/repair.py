@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from math import isfinite
@@ -16,7 +17,13 @@ from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import window_length_ns
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.tasks import check_file
-from fedora_qa.errors import MisuseError, NotRepairableError, UnreadableFileError, UnrecognisedError
+from fedora_qa.errors import (
+    MisuseError,
+    NotRepairableError,
+    UnreadableFileError,
+    UnreadableRowsError,
+    UnrecognisedError,
+)
 from fedora_qa.faults.clocks import TimeUnit
 from fedora_qa.faults.fault import FaultySequence, InapplicableError, ReversibleFault
 from fedora_qa.layout.canonical import spec_of
@@ -38,9 +45,11 @@ from fedora_qa.repairs.write import (
     write_declaration,
     writing,
 )
+from fedora_qa.sequence.canonical_copy import canonical_file
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import SequenceRows, open_sequence
-from fedora_qa.storage.folder import local_version
+from fedora_qa.storage.digest import whole_digest
+from fedora_qa.storage.folder import is_folder, local_version
 
 PROVENANCE: Final = "provenance/repairs"
 """Group of a repaired file with one text for each repair, named by its number: JSON with what was done."""
@@ -55,12 +64,12 @@ def repair(
     only: Collection[str] = (),
     check: Callable[[Path, CheckOptions, Progress], FileRun] = check_file,
 ) -> Repair:
-    """Repair a file. ``target`` is written entirely, and only if it is better than the file; the file is only read.
+    """Repair a sequence. ``target`` is written entirely, and only if it is better; the sequence is only read.
 
     Parameters
     ----------
     source
-        The file.
+        A file, or a folder that is a sequence: this is written as one canonical file first.
     target
         The repaired file; None: nothing is written, and the result states what would be.
     options
@@ -87,25 +96,33 @@ def repair(
     if not chosen:
         return replace(result, refusal=_why_nothing(run.record))
     try:
-        if target is None:
-            return _with(result, _undo(source, None, options, chosen, progress))
-        with replacing(target) as temporary:
-            digest = copy_bytes(source, temporary)
+        with ExitStack() as opened:
+            file, choice, before = source, options.dialect, run.record
+            if is_folder(source):
+                beside = target.resolve().parent if target else None
+                file, choice = opened.enter_context(canonical_file(source, choice, beside, progress))
+                if target is not None:  # what has no place in the canonical layout is no loss by the repair
+                    before = check(file, replace(options, dialect=choice), progress).record
+            if target is None:
+                return _with(result, _undo(file, None, choice, chosen, progress))
+            temporary = opened.enter_context(replacing(target))
+            digest = copy_bytes(file, temporary)
             with open_copy(temporary) as copy:
-                done = _undo(source, copy, options, chosen, progress)
+                done = _undo(file, copy, choice, chosen, progress)
                 with writing(PROVENANCE):
-                    _write_provenance(copy, source, digest, options.dialect, done)
+                    digest = digest if file == source else whole_digest(source)
+                    _write_provenance(copy, source, digest, choice, done)
             result = _with(result, done)
             if local_version(source) != version:
                 raise NotRepairableError(
                     f"Expected {source} to stay as it is, got a change meanwhile; repair it again."
                 )
-            after = check(temporary, replace(options, profile="strict"), progress).record
+            after = check(temporary, replace(options, dialect=choice, profile="strict"), progress).record
             result = replace(result, after=after)
-            if reason := why_not_better(run.record, after, result.steps):
+            if reason := why_not_better(before, after, result.steps):
                 raise NotRepairableError(reason)
             return result
-    except (NotRepairableError, InapplicableError, UnreadableFileError) as refused:
+    except (NotRepairableError, InapplicableError, UnreadableFileError, UnreadableRowsError) as refused:
         return replace(result, refusal=str(refused))
 
 
@@ -183,7 +200,7 @@ def choose(
 def _undo(
     source: Path,
     copy: h5py.File | None,
-    options: CheckOptions,
+    choice: DialectChoice,
     chosen: Iterable[tuple[Diagnosis, ReversibleFault]],
     progress: Progress,
 ) -> _Changes:
@@ -191,7 +208,7 @@ def _undo(
 
     Each fault is undone in the view without those before it, as it was tried.
     """
-    with open_sequence(source, options.dialect) as sequence, h5py.File(source, "r", locking="best-effort") as file:
+    with open_sequence(source, choice) as sequence, h5py.File(source, "r", locking="best-effort") as file:
         require_whole(file)
         bindings = sequence.layout.bindings
         view: SequenceRows = sequence

@@ -8,7 +8,7 @@ import hashlib
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 from typing import Any, Final
@@ -28,7 +28,7 @@ from fedora_qa.layout.hdf5_objects import READ_ERRORS, walk
 from fedora_qa.layout.members import array_of_members, put_members
 from fedora_qa.layout.metadata import Supplied
 from fedora_qa.layout.resolve import Layout
-from fedora_qa.sequence.declared import Declared
+from fedora_qa.sequence.declared import Declared, declared_attributes
 from fedora_qa.sequence.read_declared import MalformedError, read_attribute
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -43,9 +43,6 @@ _BLOCK_BYTES: Final = 4 << 20
 
 _NAMED: Final = 3
 """Datasets that a message names."""
-
-_NAMES: Final = {"position_sigma_m": "position_sigma", "rotation_sigma_rad": "rotation_sigma", "model": "camera_model"}
-"""Attributes whose names differ from those of the fields; ``model`` only of cameras."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -421,7 +418,7 @@ def changed_declarations(
     NotRepairableError
         One differs that lies in no attribute of the layout, or that the file does not make itself.
     """
-    old, new = _attributes(before), _attributes(after)
+    old, new = declared_attributes(before), declared_attributes(after)
     changed = {place for place, value in new.items() if place not in old or not np.array_equal(old[place], value)}
     unknown = [f"{owner}.{name}" for owner, name in changed - ATTRIBUTES.keys()]
     if unknown or before.depth_range_m != after.depth_range_m:
@@ -465,23 +462,3 @@ def write_declaration(file: h5py.File, layout: Layout, declaration: Declaration)
     # Six digits: what single precision holds.
     if not (np.allclose(read, value, rtol=1e-6, atol=0) if is_number else read == value):
         raise NotRepairableError(f"Expected {path} to hold {name} = {value}, got {read} in the stored type")
-
-
-def _attributes(declared: Declared) -> dict[tuple[str, str], Any]:
-    """Return every declaration by the object that carries it and its name."""
-    models = {"metadata/events": declared.events, "metadata/imu": declared.imu, "metadata/pose": declared.pose}
-    values = {
-        (owner, _NAMES.get(each.name, each.name) if owner == "metadata/pose" else each.name): getattr(model, each.name)
-        for owner, model in models.items()
-        if model is not None
-        for each in fields(model)
-    }
-    for camera_name, camera in declared.cameras.items():
-        for each in fields(camera):
-            name = _NAMES.get(each.name, each.name)
-            values[f"metadata/cameras/{camera_name}", name] = getattr(camera, each.name)
-    values["path/rgb", "transfer"] = declared.transfer
-    values["metadata/flow", "model"] = declared.flow_model
-    for name in ("profile", "sequence", "world", "illumination"):
-        values["", name] = getattr(declared, name)
-    return values

@@ -1,8 +1,8 @@
 """Declarations of a file, as typed values."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, fields
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,13 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
 
 Float64 = NDArray[np.float64]
+
+_ATTRIBUTE_NAMES: Final = {
+    "position_sigma_m": "position_sigma",
+    "rotation_sigma_rad": "rotation_sigma",
+    "model": "camera_model",
+}
+"""Attributes whose names differ from those of the fields; ``model`` only of cameras."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,3 +258,24 @@ class Declared:
     kind: Literal["recorded", "synthetic"] | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     problems: tuple[DeclarationProblem, ...] = ()
+
+
+def declared_attributes(declared: Declared) -> dict[tuple[str, str], Any]:
+    """Return every declaration by the object of the layout that carries it, and its name; None: nobody makes it."""
+    values: dict[tuple[str, str], Any] = {}
+    for owner, model in (("events", declared.events), ("imu", declared.imu), ("pose", declared.pose)):
+        for each in fields(model) if model is not None else ():
+            name = _ATTRIBUTE_NAMES.get(each.name, each.name) if owner == "pose" else each.name
+            values[f"metadata/{owner}", name] = getattr(model, each.name)
+    for camera_name, camera in declared.cameras.items():
+        owner = f"metadata/cameras/{camera_name}"
+        for each in fields(camera):
+            if each.name != "lens":
+                values[owner, _ATTRIBUTE_NAMES.get(each.name, each.name)] = getattr(camera, each.name)
+        values[owner, "distortion_model"] = camera.lens.model if camera.lens else None
+        values[owner, "distortion"] = camera.lens.coefficients if camera.lens else None
+    values["path/rgb", "transfer"] = declared.transfer
+    values["metadata/flow", "model"] = declared.flow_model
+    for name in ("profile", "sequence", "world", "illumination", "kind"):
+        values["", name] = getattr(declared, name)
+    return values

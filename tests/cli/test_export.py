@@ -9,7 +9,7 @@ import pytest
 from fedora_qa.layout.dialect import load_choice
 from fedora_qa.sequence.sequence import open_sequence
 from tests.cli.conftest import Command
-from tests.support.dsec_folder import write_side_metadata
+from tests.support.dsec_folder import write_dsec_folder, write_side_metadata
 from tests.support.sequences import CleanSequence
 
 
@@ -61,6 +61,18 @@ def test_a_trajectory_returns(fedora_qa: Command, source: Path, tmp_path: Path) 
         np.testing.assert_allclose(rows[:, 0], file["path/pose/ts"][:] / 1e6, atol=1e-9)
         np.testing.assert_array_equal(rows[:, 1:4], file["path/pose/position"])
         np.testing.assert_array_equal(rows[:, 4:], file["path/pose/orientation"])
+
+
+def test_a_folder_becomes_one_file(fedora_qa: Command, source: Path, tmp_path: Path) -> None:
+    """It is read without a dialect, clean like the folder, and what has no place is named."""
+    folder = write_dsec_folder(source, tmp_path / "dsec")
+    side = write_side_metadata(tmp_path / "side.toml")
+    done = fedora_qa("export", folder, tmp_path / "one.h5", "--to", "fedora", "--metadata", side)
+    assert done.code == 0, done.err
+    assert "metadata/ms_to_event is left out" in done.out
+    checked = fedora_qa("check", tmp_path / "one.h5")
+    assert checked.code == 0, checked.out
+    assert names(tmp_path) == ["dsec", "one.h5", "side.toml"]
 
 
 def without_poses(file: h5py.File) -> None:

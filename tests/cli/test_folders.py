@@ -14,7 +14,7 @@ from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import read_record
 from fedora_qa.storage.digest import file_digest
 from tests.cli.conftest import Command
-from tests.support.dsec_folder import write_dsec_folder, write_png
+from tests.support.dsec_folder import T_OFFSET_US, write_dsec_folder, write_png
 from tests.support.handmade import write_handmade
 from tests.support.releases import write_checksums
 
@@ -314,12 +314,39 @@ def test_metadata_on_the_command_line(fedora_qa: Command, dsec: Path, tmp_path: 
     assert "metadata.threshold" in done.err
 
 
-def test_extract_takes_files_only(fedora_qa: Command, dsec: Path, tmp_path: Path) -> None:
-    """A folder is one sentence, and nothing is written."""
-    done = fedora_qa("extract", dsec, "F1", "-o", tmp_path / "out.h5")
-    assert done.code == 2
-    assert "Expected one HDF5 file, got a folder" in done.err
-    assert not (tmp_path / "out.h5").exists()
+def late_folder(source: Path, folder: Path) -> tuple[Path, Path]:
+    """A folder whose events are 8 ms late, and what has to be declared beside it."""
+    dsec = write_dsec_folder(source, folder / "dsec")
+    with h5py.File(dsec / "events/left/events.h5", "a") as file:
+        file["t_offset"][...] = file["t_offset"][()] + 8000
+    with h5py.File(source) as file:
+        events = file["metadata/events"].attrs
+        thresholds = {name: float(events[name]) for name in ("threshold_on", "threshold_off", "log_eps_dn")}
+    lines = [f'"metadata/events/{name}" = {value!r}' for name, value in thresholds.items()]
+    side = folder / "side.toml"
+    side.write_text("\n".join(["[metadata]", '"metadata/events/model" = "log"', *lines]))
+    return dsec, side
+
+
+def test_a_folder_is_repaired_and_cut(fedora_qa: Command, small_park_day: Path, tmp_path: Path) -> None:
+    """Both write one canonical file: without the fault, and a piece that shows it."""
+    dsec, side = late_folder(small_park_day, tmp_path)
+    before = {path: path.read_bytes() for path in dsec.rglob("*") if path.is_file()}
+    options = ("--metadata", side)
+    repaired = fedora_qa(
+        "repair", dsec, "-o", tmp_path / "out.h5", *options, "--select", "event_response", "--select", "clocks"
+    )
+    assert repaired.code == 0, repaired.out
+    with h5py.File(tmp_path / "out.h5") as out, h5py.File(small_park_day) as clean:
+        late_us = out["path/events/t"][...] - (clean["path/events/t"][...] + T_OFFSET_US)
+        assert np.all(late_us == late_us[0])
+        assert abs(late_us[0]) < 500
+    assert fedora_qa("check", tmp_path / "out.h5").code == 0
+    fedora_qa("check", dsec, *options, "--json", tmp_path / "record.json")
+    done = fedora_qa("extract", dsec, "F1", *options, "--record", tmp_path / "record.json", "-o", tmp_path / "piece.h5")
+    assert (done.code, "is found in it" in done.out) == (0, True), done.err
+    assert before == {path: path.read_bytes() for path in dsec.rglob("*") if path.is_file()}
+    assert not list(tmp_path.glob(".fedora-qa-*"))
 
 
 def write_m3ed(folder: Path, name: str) -> None:
@@ -469,3 +496,13 @@ def test_images_whose_names_have_no_times(fedora_qa: Command, dsec: Path, tmp_pa
     said = " ".join(done.out.split())
     assert "Expected a number of its own at the end of each name of images/left/rectified/*.png" in said
     assert "got 000000_left.png; rename the images, or take path/rgb_ts from a file" in said
+
+
+@pytest.mark.parametrize("command", [("repair", "-o"), ("extract", "F1", "-o")])
+def test_one_of_several_is_named(command: tuple[str, ...], fedora_qa: Command, tmp_path: Path) -> None:
+    """A folder of several sequences is refused with their names, and nothing is written."""
+    for name in ("flight1", "flight2"):
+        write_m3ed(tmp_path / "m3ed", name)
+    done = fedora_qa(command[0], tmp_path / "m3ed", *command[1:], tmp_path / "out.h5")
+    assert (done.code, "name one of" in done.err, "flight2" in done.err) == (2, True, True), done.err
+    assert not (tmp_path / "out.h5").exists()
