@@ -53,6 +53,9 @@ _CHECKS_OF_STREAM: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingPro
 )
 """Names of checks by cause and stream, where they measure the cause in that stream alone."""
 
+_CODES: Final[Mapping[str, str]] = MappingProxyType({"truncated": "event_stream.gaps.silent_end"})
+"""Codes of findings by cause, where other findings of their check measure another cause."""
+
 _LOCAL_CHECKS: Final = frozenset(
     {"integrity.finite", "pose.continuity", "clocks.gaps", "event_response.conservation", "images.exposure"}
 )
@@ -119,7 +122,7 @@ def is_direct(cause: str, code: str, stream: str | None = None) -> bool:
         for check in checks
         if of_cause == cause and stream in (None, of_stream)
     )
-    return check_of_code(code) in (*_CHECKS.get(cause, ()), *of_streams)
+    return check_of_code(code) in (*_CHECKS.get(cause, ()), *of_streams) or _CODES.get(cause) == code
 
 
 def clears_by_construction(cause: str, code: str) -> bool:

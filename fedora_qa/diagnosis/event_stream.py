@@ -6,7 +6,7 @@ from typing import Final
 
 from fedora_qa.checks.event_stream.bounds import EventExtent
 from fedora_qa.checks.event_stream.duplicates import RepeatedEvents
-from fedora_qa.checks.event_stream.gaps import EventsStampedTogether, ExpectedEvents
+from fedora_qa.checks.event_stream.gaps import EventsStampedTogether, ExpectedEvents, SilenceAtEnd
 from fedora_qa.checks.event_stream.rates import HotPixelCount, MovedHotPixels
 from fedora_qa.diagnosis.clocks import hypotheses_of_reset
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis, only_feature, support
@@ -67,6 +67,10 @@ def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     is seen by events that do not add up (``event_conservation``), which lost events seldom mimic.
     """
     features = alarm.statistic.features
+    at_end = [feature for feature in features if isinstance(feature, SilenceAtEnd)]
+    if at_end:
+        percent = 100 * at_end[0].silent_ratio
+        return (Hypothesis("truncated", "events", support("event_stream.silent_end"), percent, "percent"),)
     lost = only_feature(features, ExpectedEvents).count
     resets = [feature for feature in features if isinstance(feature, ClockReset)]
     together = [feature for feature in features if isinstance(feature, EventsStampedTogether)]

@@ -126,9 +126,10 @@ class ClocksSpan(FactsCheck):
     Cannot detect
     -------------
     Streams that all begin late or end early together. Events may begin late and end early, because a still scene gives
-    none: without frames, which show whether light changes, more than 0.1 s are a warning. It is required that some of
-    them lie within the span of the other streams, and that none lie far from it beyond a silence. A stream without any
-    event is noted where frames show whether events are due, and is a finding without.
+    none: without frames, which show whether light changes, more than 0.1 s are a warning, and ``event_stream.gaps``
+    compares them with the motion of the camera. It is required that some of them lie within the span of the other
+    streams, and that none lie far from it beyond a silence. A stream without any event is noted where frames show
+    whether events are due, and is a finding without.
 
     Sources
     -------

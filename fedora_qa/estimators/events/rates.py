@@ -17,7 +17,7 @@ vision, Int. Symp. Secure-Life Electronics (2008), section 5.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numba import njit
@@ -286,15 +286,7 @@ def least_probable_silence(
     counts = np.diff(np.searchsorted(times_ns, np.stack([left_ns, right_ns]), side="right"))
     inside = np.stack([left_ns[:, :-1] >= from_ns, right_ns[:, 1:] <= upto_ns])
     bins = inside.sum(axis=2)
-    means = (counts * inside).sum(axis=2) / np.maximum(bins, 1)
-    variances = ((counts - means[..., np.newaxis]) ** 2 * inside).sum(axis=2) / np.maximum(bins - 1, 1)
-    # The variance is at least that of Poisson, m: a smaller one by chance would give the rate a negative variance.
-    positive = means > 0
-    mean, variance = np.where(positive, means, 1.0), np.where(positive, np.maximum(variances, means), 1.0)
-    # 1/r = (v - m + v / bins) / m^2: variance of the rate between bins, without that of Poisson, plus that of the mean.
-    uncertainty = (variance - mean + variance / np.maximum(bins, 1)) / mean**2
-    # log P(empty bin) = -r log(1 + m / r) (Greenwood and Yule 1920).
-    log_chances = np.where(positive, -np.log1p(mean * uncertainty) / uncertainty, 0.0)
+    means, log_chances = log_chance_of_empty_bin(counts, inside)
     log_chances = np.where(bins >= _FEWEST_BINS, log_chances, -np.inf)
     # The side by which the silence is more probable counts; -inf where neither side has enough bins.
     likeliest, sides = np.argmax(log_chances, axis=0), np.arange(len(before_ns))
@@ -305,6 +297,34 @@ def least_probable_silence(
     worst = int(np.argmax(z))
     start, stop = int(before_ns[worst]), int(after_ns[worst])
     return EventSilence(start, stop, stop - start - tick_ns, float(expected[worst]), float(z[worst])), silences
+
+
+def log_chance_of_empty_bin(counts: NDArray[Any], inside: NDArray[np.bool_]) -> tuple[Float64, Float64]:
+    """Return the mean of counts in bins, and the logarithm of the probability that one more bin is empty.
+
+    Parameters
+    ----------
+    counts
+        (..., bins) numbers of events.
+    inside
+        (..., bins) True for the bins that count.
+
+    Returns
+    -------
+    means, log_chances
+        (...) each; a mean of 0 makes an empty bin certain.
+    """
+    bins = inside.sum(axis=-1)
+    means = (counts * inside).sum(axis=-1) / np.maximum(bins, 1)
+    variances = ((counts - means[..., np.newaxis]) ** 2 * inside).sum(axis=-1) / np.maximum(bins - 1, 1)
+    # The variance is at least that of Poisson, m: a smaller one by chance would give the rate a negative variance.
+    positive = means > 0
+    mean, variance = np.where(positive, means, 1.0), np.where(positive, np.maximum(variances, means), 1.0)
+    # 1/r = (v - m + v / bins) / m^2: variance of the rate between bins, without that of Poisson, plus that of the mean.
+    uncertainty = (variance - mean + variance / np.maximum(bins, 1)) / mean**2
+    # log P(empty bin) = -r log(1 + m / r) (Greenwood and Yule 1920).
+    log_chances = np.where(positive, -np.log1p(mean * uncertainty) / uncertainty, 0.0)
+    return means, log_chances
 
 
 @njit(cache=True)

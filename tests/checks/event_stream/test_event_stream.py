@@ -1,9 +1,11 @@
 """The event stream by itself, on files of a closed-form world."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -370,3 +372,47 @@ def test_a_burst_is_no_crash(path: Path) -> None:
     found = {result.check: result.outcome for result in results}
     assert "crashed" not in found.values()
     assert found["event_stream.duplicates"] == found["event_response.conservation"] == "failed"
+
+
+def cut_without_colour(source: Path, path: Path, start_ms: float, stop_ms: float, rests: bool = False) -> None:
+    """Write a copy without colour, with the events of an interval; the poses before and behind it may be held."""
+    shutil.copy(source, path)
+    with h5py.File(path, "r+") as file:
+        for key in ("path/rgb", "path/rgb_ts", "metadata/rgb_to_event"):
+            del file[key]
+        events, pose = file["path/events"], file["path/pose"]
+        times_us = events["t"][:]
+        kept = (times_us >= 1000 * start_ms) & (times_us < 1000 * stop_ms)
+        for name in ("x", "y", "t", "p"):
+            values = events[name][:][kept]
+            del events[name]
+            events[name] = values
+        first, last = np.searchsorted(pose["ts"][:], [1000 * start_ms, 1000 * stop_ms])
+        for name in ("position", "orientation") if rests else ():
+            values = pose[name][:]
+            values[:first], values[last:] = values[first], values[last - 1]
+            pose[name][...] = values
+
+
+@pytest.mark.parametrize(("start_ms", "stop_ms", "name"), [(250, 9999, "silent_begin"), (0, 350, "silent_end")])
+def test_events_that_are_cut_off_where_the_camera_moves_are_found(
+    start_ms: float, stop_ms: float, name: str, small_park_day: Path, path: Path
+) -> None:
+    """Without colour the poses show that the image changes: a warning before, and no scene at rest."""
+    cut_without_colour(small_park_day, path, start_ms, stop_ms)
+    result = run_check(path, "event_stream.gaps")
+    assert name in [measurement.name for measurement in result.measurements]
+    assert rules(result) == ["silent_end"]
+    diagnosis = diagnoses_of(path, "event_stream")[0]
+    assert (diagnosis.stream, diagnosis.cause) == ("events", "truncated")
+    assert diagnosis.magnitude is not None
+    assert 37 < diagnosis.magnitude < 47
+
+
+@pytest.mark.parametrize(("start_ms", "stop_ms"), [(250, 9999), (0, 350)])
+def test_events_may_begin_late_where_the_camera_rests(
+    start_ms: float, stop_ms: float, small_park_day: Path, path: Path
+) -> None:
+    """A camera at rest sees no change, whatever the rest of the file holds."""
+    cut_without_colour(small_park_day, path, start_ms, stop_ms, rests=True)
+    assert run_check(path, "event_stream.gaps").outcome == "passed"
