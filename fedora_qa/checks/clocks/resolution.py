@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.clocks.streams import event_scan, fits_of
-from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.clocks.grid import (
     FLOAT32_STEPS_US,
@@ -102,6 +102,7 @@ class ClocksResolution(WindowCheck[Comb]):
     How
     ---
     Events must lie on the grid of the declared packets, or of one microsecond for asynchronous events of the log model.
+    A finer grid than that of declared packets is noted.
     Where they lie on no coarser grid, the least distance of different timestamps is compared with it: events that have
     the times of renders keep the distance of these, whose times need not be whole multiples of a microsecond.
     The grid of a sampled stream can be measured where its steps vary: all of them are then multiples of a number above
@@ -208,6 +209,7 @@ class ClocksResolution(WindowCheck[Comb]):
     def examine(self, facts: Facts) -> Observation:
         """Measure the grid of each stream whose timestamps determine one."""
         grids: list[Statistic] = []
+        notices: list[Notice] = []
         inferred: dict[str, str | float] = {}
         for stream, fit in fits_of(facts):
             # Equal steps are multiples of every divisor of the period; only unequal steps determine a grid.
@@ -235,6 +237,13 @@ class ClocksResolution(WindowCheck[Comb]):
             count += facts.events.count
             if not unobservable:
                 expected_us, grid_us = _declared_tick_us(facts), event_scan(facts).grid_ns / NS_PER_US
+                # Steps between packets are multiples of their interval, wherever the first one is.
+                if event_scan(facts).grid_ns % (expected_us * NS_PER_US) and facts.declared.kind != "recorded":
+                    message = (
+                        f"packets of {expected_us} us are declared, and the steps between event timestamps have no "
+                        f"common divisor above {grid_us:g} us"
+                    )
+                    notices.append(Notice("clocks.resolution.no_packets", message, Where(stream="events")))
                 text = f"All event timestamps lie on a grid of {grid_us:g} us; {expected_us} us is declared."
                 apart_us = distance_of_instants_us(facts)
                 if grid_us <= expected_us < apart_us:
@@ -250,7 +259,8 @@ class ClocksResolution(WindowCheck[Comb]):
                     )
                 else:
                     grids.append(_grid("events", grid_us, float(expected_us), text))
-        return Observation(Coverage(count, count, "stamps"), tuple(grids), unobservable=unobservable, inferred=inferred)
+        coverage = Coverage(count, count, "stamps")
+        return Observation(coverage, tuple(grids), tuple(notices), unobservable=unobservable, inferred=inferred)
 
 
 def _combs(tick_us: int) -> int:

@@ -1,5 +1,6 @@
 """Are the declarations complete and plausible?"""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from re import findall
 from typing import Final
@@ -22,8 +23,11 @@ _STREAMS_OF_OWNER: Final[dict[str, tuple[str, ...]]] = {
 _MOTION: Final = frozenset({"imu", "pose"})
 """Streams that can be read without any declaration: an imported file that holds these alone declares nothing."""
 
-_SPELLINGS: Final = {"day": {"day", "daylight"}, "night": {"night", "ngt"}}
+_LIGHTS: Final = {"day": {"day", "daylight"}, "night": {"night", "ngt"}}
 """Words of names by the light that they state; ``ngt`` is that of the paper."""
+
+_PLACES: Final = {"park": {"park", "baylands"}, "racetrack": {"racetrack", "speedway"}}
+"""Words of names by the place that they state: the paper's two, and the kinds of place that they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +59,9 @@ class MetadataComplete(FactsCheck):
     malformed. Any impossible number is a finding as well: one below zero, NaN, or a range that ends before it begins.
     An optional attribute that is malformed, or a whole group that is absent, is only noted: the checks that need it are
     weaker, or cannot run. Also noted are forms whose meaning is clear, such as a width as a float or a name in upper
-    case, and a light (day or night) that contradicts the name of the sequence or of its world, or names of which one
-    states the day and the other the night. A file of the canonical layout without any metadata gives one finding, not
-    thirty.
+    case. So are a light (day or night) that contradicts the name of the sequence or of its world, names of which one
+    states the day and the other the night, and names of which one states a park (or Baylands) and the other a
+    racetrack. A file of the canonical layout without any metadata gives one finding, not thirty.
 
     Noise model
     -----------
@@ -66,8 +70,9 @@ class MetadataComplete(FactsCheck):
     Cannot detect
     -------------
     Whether a declaration is true: the checks that measure the declared quantity test that. Brightness does not
-    distinguish day from night, because exposure compensates for the light. Names are free, so that no other word of a
-    sequence's name contradicts its world. Declarations of streams that the file does not hold are not required.
+    distinguish day from night, because exposure compensates for the light. Names are free, so that no other words of
+    the name of a sequence contradict its world. Attributes that the layout does not have, such as a duration or a
+    number of events, are not read. Declarations of streams that the file does not hold are not required.
 
     Sources
     -------
@@ -132,23 +137,24 @@ class MetadataComplete(FactsCheck):
                 )
                 notices.append(Notice("metadata.complete.camera_model", message, Where(stream="metadata")))
         # A name is no declaration: "day 3" may count days.
-        words = (
-            (f"the declared illumination is {declared.illumination!r}", _light(declared.illumination)),
-            (f"the sequence is named {declared.sequence!r}", _light(declared.sequence)),
-            (f"the world is named {declared.world!r}", _light(declared.world)),
+        names = (
+            (f"the sequence is named {declared.sequence!r}", declared.sequence),
+            (f"the world is named {declared.world!r}", declared.world),
         )
-        stated = [(text, light) for text, light in words if light]
-        for text, light in stated[1:]:
-            if light != stated[0][1]:
-                message = f"{text}, and {stated[0][0]}"
-                notices.append(Notice("metadata.complete.contradiction", message, Where(stream="metadata")))
+        light = (f"the declared illumination is {declared.illumination!r}", declared.illumination)
+        for stating, spellings in (((light, *names), _LIGHTS), (names, _PLACES)):
+            stated = [(text, word) for text, name in stating if (word := _stated(name, spellings))]
+            for text, word in stated[1:]:
+                if word != stated[0][1]:
+                    message = f"{text}, and {stated[0][0]}"
+                    notices.append(Notice("metadata.complete.contradiction", message, Where(stream="metadata")))
         if not statistics:
             statistics.append(no_faults("declaration_problems", "declarations", self.name))
         return Observation(Coverage(count, count, "declarations"), tuple(statistics), tuple(notices))
 
 
-def _light(name: str) -> str:
-    """Return the light that a name states as a word of its own, ``day`` or ``night``; empty for none, or for both."""
+def _stated(name: str, spellings: Mapping[str, set[str]]) -> str:
+    """Return what a name states by a word of its own, such as ``day`` or ``park``; empty for nothing, or for two."""
     words = set(findall("[a-z]+", name.lower()))
-    stated = [light for light, spellings in _SPELLINGS.items() if words & spellings]
+    stated = [meaning for meaning, of_meaning in spellings.items() if words & of_meaning]
     return stated[0] if len(stated) == 1 else ""

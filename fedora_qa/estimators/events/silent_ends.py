@@ -156,10 +156,7 @@ def silent_end(
     length_ns = min(silence_ns[1] - silence_ns[0], beside_span_ns) / _PARTS
     parts = int(beside_span_ns / length_ns) if length_ns else 0
     steps_ns: Float64 = length_ns * np.arange(parts + 1, dtype=np.float64)
-    if is_first:
-        beside_ns = silence_ns[1] + steps_ns
-    else:
-        beside_ns = silence_ns[0] - steps_ns[::-1]
+    beside_ns = silence_ns[1] + steps_ns if is_first else silence_ns[0] - steps_ns[::-1]
     silent_ns: Float64 = np.linspace(silence_ns[0], silence_ns[1], _PARTS + 1)
     ends: list[SilentEnd] = []
     for track in tracks:

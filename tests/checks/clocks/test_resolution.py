@@ -49,3 +49,16 @@ def with_events(times_us: np.ndarray) -> MemorySequence:
     zeros = np.zeros(len(times_us), np.int64)
     columns = {f"path__events__{name}": zeros.astype(sequence.arrays[f"path/events/{name}"].dtype) for name in "xyp"}
     return sequence.altered(declared=Declared(), path__events__t=1000 * times_us, **columns)
+
+
+def test_declared_packets_that_the_timestamps_do_not_have_are_noted() -> None:
+    """Packets may begin anywhere: only the steps between them are multiples of the interval."""
+    rng = np.random.default_rng(0)
+    packets_us, other_us = 7 + 200 * np.sort(rng.integers(0, 5000, 4000)), np.sort(rng.integers(0, 1_000_000, 4000))
+    declared = exact_facts().declared
+    assert declared.events is not None
+    log_model = replace(declared.events, model="log", packet_interval_us=200)
+    for times_us, codes in ((packets_us, []), (other_us, ["clocks.resolution.no_packets"])):
+        events = facts_of(with_events(times_us)).events
+        facts = replace(exact_facts(), events=events, declared=replace(declared, events=log_model))
+        assert [notice.code for notice in ClocksResolution().examine(facts).notices] == codes

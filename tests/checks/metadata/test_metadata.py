@@ -322,12 +322,19 @@ def test_another_unit_in_upper_case_is_still_another(path: Path) -> None:
         ("holiday", "sundayton", "night", False),
         ("day-and-night", "knights", "night", False),
         ("park-day", "park", "overcast", False),
+        ("park-day", "racetrack", "day", True),
+        ("Racetrack Day", "baylands", "day", True),
+        ("racetrack-day", "speedway", "day", False),
+        ("baylands-day1", "park", "day", False),
+        ("parking-lot", "racetrack", "day", False),
+        ("park-beside-racetrack", "racetrack", "day", False),
+        ("hover", "park", "day", False),
     ],
 )
-def test_a_light_that_contradicts_the_name(
+def test_a_light_or_a_place_that_contradicts_the_name(
     path: Path, sequence: str, world: str, illumination: str, contradicts: bool
 ) -> None:
-    """A sequence that is named after the day is not one of the night; only whole words count."""
+    """A sequence that is named after the day, or a park, is not one of the night, or a racetrack; whole words count."""
     with h5py.File(path, "r+") as file:
         file.attrs.update({"sequence": sequence, "world": world, "illumination": illumination})
     result = run_check(path, "metadata.complete")
