@@ -490,3 +490,18 @@ def test_the_index_of_milliseconds_is_that_of_dsec(pair_of: Callable[[str], Pair
     for millisecond, index in enumerate(new["path/events/ms_to_idx"].tolist()):
         assert event_us[index] >= 1000 * millisecond
         assert index == 0 or event_us[index - 1] < 1000 * millisecond
+
+
+def test_jpeg_moves_colour_by_little(pair_of: Callable[[str], Pair]) -> None:
+    """Channels keep their order and their means, to half a step; pixels move by 3 DN or less on average."""
+    old, new = (contents["path/rgb"].astype(np.float64) for contents in pair_of("colour through JPEG 95"))
+    assert 0 < np.abs(new - old).mean() < 3
+    np.testing.assert_allclose(new.mean(axis=(0, 1, 2)), old.mean(axis=(0, 1, 2)), rtol=0, atol=0.5)
+
+
+def test_read_noise_has_its_size(pair_of: Callable[[str], Pair]) -> None:
+    """1 DN, and that of rounding, far from black and white; no trend."""
+    old, new = (contents["path/rgb"].astype(np.float64) for contents in pair_of("colour with read noise"))
+    noise = (new - old)[(old > 6) & (old < 249)]
+    assert noise.std() == pytest.approx(np.sqrt(1 + 1 / 12), rel=0.01)
+    assert abs(noise.mean()) < 0.01

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from tests.benchmarks.foreign import declarations, events, gauge, geometry, sampling, storage
+from tests.benchmarks.foreign import declarations, events, gauge, geometry, images, sampling, storage
 from tests.benchmarks.foreign.storage import ACCELEROMETER, FLOW, GYRO, ORIENTATION, POSITION, rounded, stored_as
 from tests.benchmarks.foreign.transformation import Transformation
 
@@ -209,7 +209,19 @@ _DECLARATIONS: Final = (
     Transformation("index of milliseconds", declarations.millisecond_index, (), "DSEC"),
 )
 
-TRANSFORMATIONS: Final = (*_STORAGE, *_GEOMETRY, *_SAMPLING, *_GAUGE, *_EVENTS, *_DECLARATIONS)
+_IMAGES: Final = (
+    Transformation(
+        "colour through JPEG 95", images.jpeg_95, COLOUR[:1], "Recorders; the contract of the checks accepts it"
+    ),
+    Transformation(
+        "colour with read noise",
+        images.read_noise,
+        COLOUR[:1],
+        "Real sensors, 1 DN; the contract of the checks accepts it",
+    ),
+)
+
+TRANSFORMATIONS: Final = (*_STORAGE, *_GEOMETRY, *_SAMPLING, *_GAUGE, *_EVENTS, *_IMAGES, *_DECLARATIONS)
 
 UNCHANGED: Final = Transformation("unchanged", lambda file: None, (), "The reference generator")
 """The control: the clean sequence itself."""
@@ -219,7 +231,6 @@ LEFT_OUT: Final = {
     "polarity of -1 and +1": "the format has 0 and 1; a dialect reads such files",
     "positions in whole mm": "this is noise, which the file would have to declare",
     "a tilted world": "the format defines world gravity as (0, 0, -g)",
-    "colour through JPEG, colour with read noise": "the format has no declaration for them",
     "colour binned 2x2": "the mean of clipped values differs from the clipped mean",
     "events that begin late": "the format has no declaration for it",
 }
