@@ -28,8 +28,8 @@ from fedora_qa.layout.hdf5_objects import READ_ERRORS, walk
 from fedora_qa.layout.members import array_of_members, put_members
 from fedora_qa.layout.metadata import Supplied
 from fedora_qa.layout.resolve import Layout
+from fedora_qa.sequence.attributes import MalformedError, read_attribute
 from fedora_qa.sequence.declared import Declared, declared_attributes
-from fedora_qa.sequence.read_declared import MalformedError, read_attribute
 from fedora_qa.sequence.sequence import SequenceRows
 
 _RESOLUTION_NS: Final = NS_PER_US // 2

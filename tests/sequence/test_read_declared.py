@@ -14,8 +14,9 @@ from hypothesis.extra import numpy as hnp
 from fedora_qa.causes import allowed
 from fedora_qa.layout.canonical import ATTRIBUTES, AttributeSpec
 from fedora_qa.layout.resolve import resolve
+from fedora_qa.sequence.attributes import ImpossibleError, MalformedError, read_attribute
 from fedora_qa.sequence.declared import Declared, Lens
-from fedora_qa.sequence.read_declared import ImpossibleError, MalformedError, read_attribute, read_declared
+from fedora_qa.sequence.read_declared import read_declared
 from tests.support.handmade import write_handmade
 
 
