@@ -201,7 +201,10 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
         hypotheses += [
             Hypothesis("other_sequence", stream, max(least, another * single_pose)) for stream in ("depth", "pose")
         ]
-    named = most_probable(hypotheses)
+    named = list(most_probable(hypotheses))
+    if 2 * pairs.off > pairs.compared and all(each.cause != "swapped_frames" for each in named):
+        # Frames far from their places agree with no transform of two neighbours, until a trial puts them in order.
+        named.append(Hypothesis("swapped_frames", "depth", support("depth.frames_in_another_order")))
     causes = {(hypothesis.cause, hypothesis.stream) for hypothesis in named}
     return (
         *named,

@@ -96,7 +96,11 @@ def _delayed_frames(fit: FittedCause) -> Faults:
 
 
 def exchanged_frames(fit: FittedCause) -> Faults:
-    """Yield the frames at both ends of what is out of order as exchanged; then all neighbours in pairs."""
+    """Yield the frames at both ends of what is out of order as exchanged; then all in another order.
+
+    Frames that were listed by names without leading zeros are in the order of text, and two makers of frames that take
+    turns exchange neighbours.
+    """
     streams = fit.facts.flow_streams if fit.stream == "flow" else (fit.stream,)
     clock = max(
         (fit.facts.clocks[s] for s in streams if s in fit.facts.clocks), key=lambda c: len(c.times_ns), default=None
@@ -115,6 +119,12 @@ def exchanged_frames(fit: FittedCause) -> Faults:
     for first, last in dict.fromkeys(pairs):
         if first < last < count:
             yield row_order.SwappedFrames(fit.stream, ((first, last),))
+    # Events and frames contradict each other for many reasons; displacements of frames in another order do so too.
+    if fit.stream != "rgb" or any(alarm.finding.code.startswith("images.order.") for alarm in fit.alarms):
+        for first_number in (0, 1):
+            by_names = row_order.FramesInOrderOfNames(fit.stream, first_number)
+            if np.any(np.diff(by_names.order(count)) < 0):
+                yield by_names
     # Two makers of frames that take turns, and were collected in the other order.
     yield row_order.SwappedFrames(fit.stream, tuple((row, row + 1) for row in range(0, count - 1, 2)))
     if 2 * fewest_fields_off(fit.alarms, fit.stream) > count:

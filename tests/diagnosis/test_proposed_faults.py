@@ -26,7 +26,7 @@ from fedora_qa.faults.intrinsics import FocalLength, IntrinsicsOfAnotherImage, P
 from fedora_qa.faults.motion import AngleSense, QuaternionOrder
 from fedora_qa.faults.mountings import MountingLeverArm, MountingRotation
 from fedora_qa.faults.pixels import PixelShift
-from fedora_qa.faults.row_order import DelayedFrames, SwappedFrames
+from fedora_qa.faults.row_order import DelayedFrames, FramesInOrderOfNames, SwappedFrames
 from fedora_qa.faults.table import faults_of
 from fedora_qa.faults.units import AngleUnit, FlowGain, LengthUnit
 from fedora_qa.features import Feature
@@ -615,6 +615,20 @@ def test_fields_of_flow_state_the_part_of_depth_where_noise_of_the_poses_hides_p
     assert fault == DelayedFrames(1, period_ms, (first, last + 1))
     of_pairs_alone = next(iter(faults_for("time_offset", "depth", period_ms, [shown, of_pairs(1, 3)], {}, facts)))
     assert of_pairs_alone == DelayedFrames(1, period_ms, (2, 3))
+
+
+def test_frames_are_put_in_the_order_of_their_numbers_where_their_text_has_another() -> None:
+    """Of colour only where displacements of the frames are out of order."""
+    facts = facts_of(memory_sequence())
+    depth = facts.clocks["depth"]
+    times_ns = depth.times_ns[0] + 20 * NS_PER_MS * np.arange(12)
+    many = replace(depth, times_ns=times_ns, advancing=np.ones(12, bool))
+    facts = replace(facts, clocks={**facts.clocks, "depth": many, "rgb": many})
+    by_names = [FramesInOrderOfNames("depth", 0), FramesInOrderOfNames("depth", 1)]
+    assert list(faults_for("swapped_frames", "depth", 1.0, [of_pairs(1, 3)], {}, facts))[:2] == by_names
+    of_events = alarm("event_response.conservation.pixels")
+    of_colour = faults_for("swapped_frames", "rgb", 1.0, [of_events], {}, facts)
+    assert not any(isinstance(fault, FramesInOrderOfNames) for fault in of_colour)
 
 
 def test_frames_at_both_ends_of_what_is_out_of_order_are_exchanged_first() -> None:

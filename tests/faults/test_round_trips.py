@@ -56,7 +56,7 @@ from fedora_qa.faults.motion import (
 )
 from fedora_qa.faults.mountings import CameraAxes, InvertedMounting, MountingLeverArm, MountingRotation, MountingUnit
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
-from fedora_qa.faults.row_order import DelayedFrames, DuplicatedSamples, SwappedFrames, Unsorted
+from fedora_qa.faults.row_order import DelayedFrames, DuplicatedSamples, FramesInOrderOfNames, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.faults.units import LENGTHS, AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
 from tests.support.memory_sequence import FLOW_STRIDES, MS, MemorySequence, all_rows, facts_of, memory_sequence
@@ -144,6 +144,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(DuplicatedSamples, st.sampled_from(TIMED[:5]), st.integers(0, 3), few_or_all, st.booleans()), exact),
     (st.builds(DuplicatedSamples, flows), exact),
     (st.builds(SwappedFrames, st.sampled_from(["rgb", "depth", "flow/50hz"]), st.just(((0, 2), (1, 3)))), exact),
+    (st.builds(FramesInOrderOfNames, st.sampled_from(["rgb", "depth", "flow/50hz"]), st.integers(0, 9)), exact),
     (st.builds(DelayedFrames, st.sampled_from([1, -1]), st.just(20.0), st.just((2, 5))), kept),
     (st.builds(IndexShift, st.sampled_from(MAPS), st.integers(-9, 9), ranges), exact),
     (st.builds(IndexSide, st.sampled_from(["rgb_to_event", "depth_to_event"])), exact),

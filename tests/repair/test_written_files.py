@@ -20,7 +20,7 @@ from fedora_qa.faults.index_maps import IndexSide
 from fedora_qa.faults.intrinsics import IntrinsicsOfAnotherImage, PrincipalPointFromMiddle, TransposedIntrinsics
 from fedora_qa.faults.motion import AngleOrder, AngleSense, PoseInversion
 from fedora_qa.faults.mountings import InvertedMounting, MountingUnit
-from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
+from fedora_qa.faults.row_order import DuplicatedSamples, FramesInOrderOfNames, SwappedFrames, Unsorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.repairs.mechanical import MECHANICAL, why_not_mechanical
@@ -106,8 +106,8 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     classes = {each for entry in FAULTS.values() if not isinstance(entry, WithoutInverse) for each in entry}
     assert set(MECHANICAL) == classes
     # Tests of their own: below, and in ``test_repair``.
-    beside = {SwappedFrames, TransferMisdeclared, IndexSide, NoiseMisdeclared, PoseInversion, MountingUnit,
-              AngleOrder, AngleSense, ForceSign, GravityAlongBody,
+    beside = {SwappedFrames, FramesInOrderOfNames, TransferMisdeclared, IndexSide, NoiseMisdeclared, PoseInversion,
+              MountingUnit, AngleOrder, AngleSense, ForceSign, GravityAlongBody,
               TransposedIntrinsics, PrincipalPointFromMiddle, IntrinsicsOfAnotherImage, InvertedMounting}  # fmt: skip
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
     assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside
