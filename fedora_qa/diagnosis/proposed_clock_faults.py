@@ -7,7 +7,9 @@ import numpy as np
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.clocks.span import StreamEnds
+from fedora_qa.checks.depth.consistency import PairsOff
 from fedora_qa.checks.event_response.timing import DelayedSegment
+from fedora_qa.checks.flow_geometry.endpoint import FieldsOff
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.order import OutOfOrderIntervals
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
@@ -95,6 +97,18 @@ def _delayed_frames(fit: FittedCause) -> Faults:
             yield row_order.DelayedFrames(frames, frames * period_ms, part, fit.stream)
 
 
+def _are_mostly_off(fit: FittedCause) -> bool:
+    """Whether most fields, or pairs of depth frames, deviate, as they do of frames in another order.
+
+    Events contradict frames for many reasons: those of colour have displacements that are out of order, too.
+    """
+    if fit.stream == "rgb":
+        return any(alarm.finding.code.startswith("images.order.") for alarm in fit.alarms)
+    features = [feature for alarm in fit.alarms for feature in alarm.statistic.features]
+    of_pairs = any(isinstance(each, PairsOff) and 2 * each.off > each.compared for each in features)
+    return of_pairs or any(isinstance(each, FieldsOff) and 2 * each.affected_share > 1 for each in features)
+
+
 def exchanged_frames(fit: FittedCause) -> Faults:
     """Yield the frames at both ends of what is out of order as exchanged; then all in another order.
 
@@ -119,8 +133,7 @@ def exchanged_frames(fit: FittedCause) -> Faults:
     for first, last in dict.fromkeys(pairs):
         if first < last < count:
             yield row_order.SwappedFrames(fit.stream, ((first, last),))
-    # Events and frames contradict each other for many reasons; displacements of frames in another order do so too.
-    if fit.stream != "rgb" or any(alarm.finding.code.startswith("images.order.") for alarm in fit.alarms):
+    if _are_mostly_off(fit):
         for first_number in (0, 1):
             by_names = row_order.FramesInOrderOfNames(fit.stream, first_number)
             if np.any(np.diff(by_names.order(count)) < 0):

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.causes import CAUSES, stream_family
+from fedora_qa.checks.depth.consistency import PairsOff
 from fedora_qa.checks.event_response.timing import DelayedSegment
 from fedora_qa.checks.flow_geometry.endpoint import FieldsOff
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
@@ -618,17 +619,19 @@ def test_fields_of_flow_state_the_part_of_depth_where_noise_of_the_poses_hides_p
 
 
 def test_frames_are_put_in_the_order_of_their_numbers_where_their_text_has_another() -> None:
-    """Of colour only where displacements of the frames are out of order."""
+    """Of depth only where most pairs deviate, of colour only where displacements of the frames are out of order."""
     facts = facts_of(memory_sequence())
     depth = facts.clocks["depth"]
     times_ns = depth.times_ns[0] + 20 * NS_PER_MS * np.arange(12)
     many = replace(depth, times_ns=times_ns, advancing=np.ones(12, bool))
     facts = replace(facts, clocks={**facts.clocks, "depth": many, "rgb": many})
     by_names = [FramesInOrderOfNames("depth", 0), FramesInOrderOfNames("depth", 1)]
-    assert list(faults_for("swapped_frames", "depth", 1.0, [of_pairs(1, 3)], {}, facts))[:2] == by_names
-    of_events = alarm("event_response.conservation.pixels")
-    of_colour = faults_for("swapped_frames", "rgb", 1.0, [of_events], {}, facts)
-    assert not any(isinstance(fault, FramesInOrderOfNames) for fault in of_colour)
+    most = alarm("depth.consistency.frame", PairsOff(9, 11, 0))
+    assert list(faults_for("swapped_frames", "depth", 1.0, [most], {}, facts))[:2] == by_names
+    few, of_events = alarm("depth.consistency.frame", PairsOff(3, 11, 0)), alarm("event_response.conservation.pixels")
+    for stream, shown in (("depth", few), ("rgb", of_events)):
+        others = faults_for("swapped_frames", stream, 1.0, [shown], {}, facts)
+        assert not any(isinstance(fault, FramesInOrderOfNames) for fault in others)
 
 
 def test_frames_at_both_ends_of_what_is_out_of_order_are_exchanged_first() -> None:
