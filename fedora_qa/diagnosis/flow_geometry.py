@@ -291,6 +291,9 @@ def propose_validity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             causes = (("invalid_encoding", "flow", support("flow_geometry.infinite_flow")),)
         elif values.unfounded and values.missing:  # values without depth, and depth without values
             causes = DISPLACEMENTS
+        elif rule == "missing" and values.missing_with_depth:
+            causes = (("invalid_encoding", "depth", support("flow_geometry.missing_with_depth")),
+                      ("nan_in_stream", "flow", encoding_of_depth))  # fmt: skip
         elif rule == "missing":
             causes = (("nan_in_stream", "flow", support("flow_geometry.missing_flow")),
                       ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -87,6 +88,9 @@ class WrongFlowValues(Feature):
         Whether the depths of the unfounded values are plausible in every field.
     part
         Left, top, right, bottom, px, half-open, of the rectangle that holds the wrong pixels of all fields.
+    missing_with_depth
+        Whether values are missing in the same pixels of every rate, and in others a frame later: the depth from which
+        all rates were made had none there, and lies elsewhere as the camera moves. A border that flow leaves out stays.
     """
 
     streams: frozenset[str]
@@ -96,6 +100,7 @@ class WrongFlowValues(Feature):
     behind: int
     deep: bool
     part: Region | None = None
+    missing_with_depth: bool = False
 
 
 class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
@@ -204,6 +209,7 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
                     behind=sum(p.behind for p in unfounded),
                     deep=all(pattern.deep for pattern in unfounded),
                     part=union_of([pattern.part for pattern in patterns if pattern.part is not None]),
+                    missing_with_depth=_miss_with_depth(missing),
                 )
                 features = (values,)
             statistics.append(
@@ -221,6 +227,20 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
                 )
             )
         return Observation(coverage, (*statistics, *timestamp_statistics(facts)))
+
+
+def _miss_with_depth(missing: Sequence[FieldPattern]) -> bool:
+    """Whether most frames at which several rates begin lack the same values in all of them, and others than the next.
+
+    Pixels are taken as the same by their number and the rectangle that holds them.
+    """
+    of_frame: dict[int, dict[str, tuple[int, Region | None]]] = {}
+    for pattern in missing:
+        of_frame.setdefault(pattern.frame, {})[pattern.interval.stream] = pattern.missing, pattern.part
+    shared = [set(of_frame[frame].values()) for frame in sorted(of_frame) if len(of_frame[frame]) > 1]
+    alike = sum(len(of_rates) == 1 for of_rates in shared)
+    moves = sum(not earlier & later for earlier, later in pairwise(shared))
+    return 2 * alike > len(shared) and 2 * moves > len(shared) - 1 > 0
 
 
 def _range_of_depth_m(window: Window, frame: int) -> tuple[float, float] | None:

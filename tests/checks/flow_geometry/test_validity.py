@@ -96,6 +96,27 @@ def test_missing_values_are_counted() -> None:
     assert (alarm.finding.where.index_start, alarm.finding.where.index_stop) == (2, 4)
 
 
+@pytest.mark.parametrize(
+    ("columns_a_frame", "cause"), [(1, ("invalid_encoding", "depth")), (0, ("nan_in_stream", "flow"))]
+)
+def test_values_that_every_rate_lacks_elsewhere_in_each_frame_are_of_depth(
+    columns_a_frame: int, cause: tuple[str, str]
+) -> None:
+    """They were made from a depth that had none there; a border, which stays as the camera moves, is the flow's."""
+    sequence = clean()
+    clocks = sequence.facts.clocks
+
+    def spoilt(stream: str, flow: np.ndarray) -> np.ndarray:
+        flow = flow.copy()
+        for row, start_ns in enumerate(clocks[stream].times_ns):
+            left = columns_a_frame * int(np.searchsorted(clocks["depth"].times_ns, start_ns))
+            flow[row, :5, left : left + 7] = np.nan
+        return flow
+
+    hypothesis = most_probable_cause(alarm_of(judged(FlowGeometryValidity(), sequence.with_flow(spoilt)), "missing"))
+    assert (hypothesis.cause, hypothesis.stream) == cause
+
+
 def test_infinite_values_are_counted() -> None:
     """Infinity is no way to say that there is no value."""
     result = judged(FlowGeometryValidity(), clean().with_flow(lambda _, flow: np.nan_to_num(flow, nan=np.inf)))
