@@ -261,6 +261,10 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         hypotheses.append(Hypothesis("truncated", stream, support("clocks.cut_span"), cut_percent, "percent"))
         if factors:
             hypotheses.append(Hypothesis("time_unit", stream, support("clocks.span_by_factor"), factors[0], "1"))
+        elif not is_longer and stretched is None and stream in ("imu", "pose") and facts.clocks[stream].usable:
+            # Samples that were lost and numbered anew as well: what they hold decides.
+            rate_ppm = -1e6 * feature.missing_ns / duration_ns
+            hypotheses.append(Hypothesis("clock_rate", stream, support("clocks.span_by_rate"), rate_ppm, "ppm"))
     if any(isinstance(feature, CutOfSeveralRates) for feature in statistic.features):
         return tuple(replace(hypothesis, stream=stream_family(hypothesis.stream)) for hypothesis in hypotheses)
     return tuple(hypotheses)

@@ -266,6 +266,9 @@ def contradicts(
     # Where the clocks of both lie on the grid, values of one of them are those of another time.
     of_motion = cause == "time_offset" and family in _OF_MOTION and _failed(results.get(_INERTIAL))
     is_off_grid &= not (of_motion and all(name in places and places[name].place == "in" for name in _OF_MOTION))
+    # Samples that were lost, and the rest numbered anew, lie on the grid and end early: they have a rate of their own.
+    is_renumbered = family in _OF_MOTION and _failed(results.get("imu.translation"))
+    is_off_grid &= not (cause == "clock_rate" and is_renumbered and _ends_early(results.get("clocks.span"), family))
     # Attitudes of a part jump at its edges, and turn with depth in the rest.
     of_a_part = _has_finding(results.get("pose.continuity"), "pose.continuity.rotation")
     of_another_body = family == "pose" and cause in _ATTITUDE_CONVENTIONS and _turns_with_depth(results)
@@ -547,6 +550,14 @@ def _streams_with_other_ends(result: Result | None) -> set[str]:
         if finding.code in ends:
             ends[finding.code].update(stream_family(place.stream or "") for place in finding.all_places)
     return set.intersection(*ends.values())
+
+
+def _ends_early(result: Result | None, family: str) -> bool:
+    return result is not None and any(
+        finding.code == "clocks.span.ends_early" and stream_family(place.stream or "") == family
+        for finding in result.findings
+        for place in finding.all_places
+    )
 
 
 def _jumps(result: Result | None, family: str) -> bool:

@@ -227,6 +227,16 @@ def test_a_clock_that_stretches_span_and_period_alike_has_a_wrong_rate() -> None
     assert named(hypotheses) == [("truncated", "imu"), ("time_unit", "imu")]
 
 
+def test_an_imu_that_ends_early_may_have_been_numbered_anew() -> None:
+    """Colour, whose frames are compared with events by their own time, was cut."""
+    facts = exact_facts()
+    ends = StreamEnds(0.0, 65.0 * MS, SECOND)
+    cutting, rate = proposed("clocks.span.end", ends, stream="imu", facts=facts)
+    assert (cutting.cause, rate.cause, rate.magnitude, rate.unit) == ("truncated", "clock_rate", -65e3, "ppm")
+    assert rate.support < cutting.support
+    assert named(proposed("clocks.span.end", ends, facts=facts)) == [("truncated", "rgb")]
+
+
 def test_a_part_in_another_unit_moves_an_end() -> None:
     """It comes before what the ends themselves show."""
     hypotheses = proposed("clocks.span.end", StreamEnds(0.0, 250.0 * MS, SECOND), PartInOtherUnit(1e-3, 5, 9))

@@ -213,6 +213,31 @@ def test_what_is_rounded_to_a_grid_is_off_by_a_part_of_it(
     assert contradicts("time_offset", "rgb", offset_ms, results, {}) == is_contradicted
 
 
+@pytest.mark.parametrize(("stream", "agrees", "is_contradicted"),
+                         [("imu", "failed", False), ("imu", "passed", True), ("pose", "failed", True)])  # fmt: skip
+def test_samples_that_were_numbered_anew_lie_on_the_grid(
+    stream: str, agrees: Outcome, *, is_contradicted: bool
+) -> None:
+    """What the IMU holds contradicts its timestamps, and it ends early; poses that end with the others do not."""
+    finding = Finding("F1", "clocks.span.ends_early", "error", "", Where(stream="imu"))
+    results = {
+        "clocks.span": Result("clocks.span", "failed", "", findings=(finding,)),
+        "imu.translation": Result("imu.translation", agrees, ""),
+    }
+    places = {each: ClockPlace("in", 1.0) for each in ("imu", "pose")}
+    assert contradicts("clock_rate", stream, -65e3, results, places) == is_contradicted
+
+
+def test_depth_whose_edges_agree_as_a_whole_may_be_of_another_sequence_for_a_while() -> None:
+    aligned = {
+        "alignment.depth": Result("alignment.depth", "passed", ""),
+        "depth.consistency": Result("depth.consistency", "failed", ""),
+    }
+    assert contradicts("other_sequence", "depth", None, aligned, {})
+    assert not contradicts("other_sequence", "depth", 34.0, aligned, {})
+    assert contradicts("other_sequence", "depth", 34.0, {"depth.consistency": Result("", "passed", "")}, {})
+
+
 @pytest.mark.parametrize(("share", "is_contradicted"), [(0.9, True), (0.3, False)])
 @pytest.mark.parametrize(("cause", "size"), [("clock_rate", 620.0), ("time_offset", 0.3)])
 def test_lines_that_begin_and_end_with_frames_have_their_clock(
