@@ -63,6 +63,9 @@ def _no_size(_: float) -> None:
 _ALL_OF_IT: Final = 1.0
 """Support of a cause that alone has the effect of the transform."""
 
+_EXACT: Final = 0.98
+"""Share of the deviation of a pair from which a transform is all of it, as of fields of flow."""
+
 _OF_WHOLE_IMAGES: Final = frozenset({"mirrored", "depth_ray_not_z"})
 """Causes that alter all pixels of an image: where a part of it deviates, the transform resembles another cause."""
 
@@ -201,6 +204,11 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
         hypotheses += [
             Hypothesis("other_sequence", stream, max(least, another * single_pose)) for stream in ("depth", "pose")
         ]
+    elif _lasts(alarm, pairs) and max((h.support for h in hypotheses), default=0.0) < _EXACT:
+        # Nor do any in a part of the file. Each transform leaves nothing but rounding where it is the cause.
+        share_percent = 100 * pairs.off / pairs.compared
+        for_a_while = support("depth.another_sequence_for_a_while")
+        hypotheses.append(Hypothesis("other_sequence", "depth", for_a_while, share_percent, "percent"))
     named = list(most_probable(hypotheses))
     if 2 * pairs.off > pairs.compared and all(each.cause != "swapped_frames" for each in named):
         # Frames far from their places agree with no transform of two neighbours, until a trial puts them in order.

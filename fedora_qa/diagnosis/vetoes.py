@@ -366,6 +366,9 @@ def _is_of_this_sequence(family: str, magnitude: float | None, results: Results)
     if family == "rgb" and of_a_while:
         # Of a share of the time: flow warps every frame, events correlate on the whole.
         correlates = _passed(results.get("flow_photometric.residual"))
+    if family == "depth" and magnitude is not None:
+        # Edges of the whole lie where those of the frames do, whatever a while of it holds.
+        correlates = _passed(results.get("depth.consistency"))
     if of_frames and not while_apart:
         correlates |= _events_follow(results)
         # Events without a sign follow no frames, of whatever sequence.

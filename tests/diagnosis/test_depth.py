@@ -172,6 +172,18 @@ def test_pairs_next_to_each_other_have_a_fault_that_lasts(last: int, lasts: bool
     assert (named_first.cause == "depth_ray_not_z" and named_first.support == pytest.approx(0.95)) is lasts
 
 
+@pytest.mark.parametrize(("reduced", "last", "is_other"), [(0.9, 10, True), (0.99, 10, False), (0.9, 30, False)])
+def test_pairs_next_to_each_other_that_nothing_explains_are_of_another_sequence(
+    reduced: float, last: int, *, is_other: bool
+) -> None:
+    """A transform that is the cause leaves rounding alone; pairs that lie apart have faults of single frames."""
+    where = Where(stream="depth", index_start=4, index_stop=last + 1)
+    pairs = PairTrials(4, (trial("image_shift", reduced, -76.0),))
+    hypotheses = proposed("depth.consistency.frame", PairsOff(6, 50, 0), pairs, stream="depth", where=where)
+    other = [h for h in hypotheses if h.cause == "other_sequence" and h.support > NO_CAUSE_OF_ITS_OWN]
+    assert [(h.stream, h.magnitude, h.unit) for h in other] == [("depth", 12.0, "percent")] * is_other
+
+
 def test_a_part_of_the_image_is_a_fault_of_depth() -> None:
     """Pose and camera are common to all pixels; no extent over the pairs speaks against a part."""
     trials = tuple(trial(transform, 0.9, 2.0, extent="part") for transform in ("image_shift", "depth_scale"))
