@@ -56,6 +56,9 @@ _ARM_OF_IMU: Final = ("lever_arm", "imu")
 _OF_IMU: Final = "imu."
 """Beginning of the names and codes of checks of the IMU."""
 
+_CHANGES: Final = frozenset({"imu.rotation.residual", "imu.rotation.worst"})
+"""Findings of what no constant bias leaves."""
+
 _SET_BACK: Final = "clocks.order.backward_steps"
 
 _OF_TIMESTAMPS: Final = ("clocks.", "index_maps.")
@@ -211,6 +214,9 @@ def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
     """
     if candidate.cause == "time_offset" and any(codes[finding] == _SET_BACK for finding in candidate.evidence):
         # The clock was set within the file: timestamps before or behind that have no offset.
+        return False
+    if candidate.cause == "gyro_bias" and any(codes[finding] in _CHANGES for finding in candidate.evidence):
+        # The mean of a bias that walks is not the bias at any time.
         return False
     best = (f for f, h in candidate.evidence.items() if h.support >= candidate.best_support)
     return candidate.cause not in _MANY_MECHANISMS and not any(

@@ -251,6 +251,7 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
             Hypothesis("noise_misdeclared", "imu", noise),
             *_any_cause(support("imu.residual_of_any_cause") * (1 - smooth)),
             *_other_sequence(smooth),
+            *_changing_bias(kind, smooth),
         )
     # Causes at one instant: repeated samples, a jump (more often of positions), lost samples.
     teleport = support("imu.worst_translation_jump" if kind == "translation" else "imu.worst_rotation_jump")
@@ -266,6 +267,7 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
         Hypothesis("noise_misdeclared", "pose", (1 - smooth) * support("imu.worst_noise")),
         *_any_cause(support("imu.worst_of_any_cause") * (1 - smooth)),
         *_other_sequence(smooth),
+        *_changing_bias(kind, smooth),
         *defects,
     )
 
@@ -295,6 +297,13 @@ def _of_part(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
         for bias in features
         if isinstance(bias, BiasOfPart | DriftingBias)
     )
+
+
+def _changing_bias(kind: MotionKind, smooth: float) -> tuple[Hypothesis, ...]:
+    """Return a bias of the gyro that walks: what it adds is as smooth as another motion, which its gain rules out."""
+    if kind != "rotation":
+        return ()
+    return (Hypothesis("gyro_bias", "imu", support("imu.changing_bias") * smooth),)
 
 
 def _other_sequence(smooth: float) -> tuple[Hypothesis, ...]:

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from fedora_qa.diagnosis import conclusion
-from fedora_qa.diagnosis.conclusion import FEWEST, confidence_of
+from fedora_qa.diagnosis.candidates import CauseCandidate
+from fedora_qa.diagnosis.conclusion import FEWEST, confidence_of, is_conclusive
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.power.detection_power import write_confidence
 from fedora_qa.power.tables import power_of
 from tests.support.studies import ORIGIN, study
@@ -51,3 +53,12 @@ def test_a_study_publishes_what_is_read(published: Path) -> None:
     right = sum(diagnoses[0].name == "events:time_offset" for diagnoses in named)
     assert len(named) >= FEWEST
     assert confidence_of("suggested", "time_offset") == right / len(named)
+
+
+@pytest.mark.parametrize(("code", "conclusive"), [("imu.rotation.bias", True), ("imu.rotation.residual", False)])
+def test_undoing_the_mean_of_a_bias_does_not_rule_out_one_that_walks(code: str, *, conclusive: bool) -> None:
+    """What a constant bias leaves is that of a walking one."""
+    codes = {"F1": "imu.rotation.bias", "F2": code}
+    evidence = {finding: Hypothesis("gyro_bias", "imu", 0.5) for finding in codes}
+    candidate = CauseCandidate("gyro_bias", "imu", evidence, dict.fromkeys(codes, 0.5))
+    assert is_conclusive(candidate, codes) is conclusive

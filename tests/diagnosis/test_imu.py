@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.checks.imu.agreement import InertialParameter
+from fedora_qa.checks.imu.agreement import InertialParameter, ResidualSmoothness
 from fedora_qa.diagnosis.imu import (
     TimingCues,
     convention_hypotheses,
@@ -23,6 +23,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.sample_defects import HeldComponent, clipped_samples, held_components
 from tests.support.facts import MS, clock, exact_facts, with_clock
 from tests.support.motion_world import EXACT, GRAVITY_M_S2, HOVER, NOISY, MotionFile, sample_motion
+from tests.support.proposals import proposed
 
 TURN = Rotation.from_rotvec(np.radians([8.0, -6.0, 3.0]))
 
@@ -33,6 +34,15 @@ def support_of_bias(delay_explains: float, bias_explains: float) -> float:
     delay = InertialParameter("rotation", "time_offset", 0.008, 1e-6, 1.0, explained)
     hypotheses = parameter_hypotheses(delay, TimingCues(), GRAVITY_M_S2)
     return next(hypothesis.support for hypothesis in hypotheses if hypothesis.cause == "gyro_bias")
+
+
+@pytest.mark.parametrize("rule", ["residual", "worst"])
+def test_what_no_bias_fits_and_is_smooth_may_be_one_that_walks(rule: str) -> None:
+    """Of the gyro; another motion is as smooth, and ruled out by the gain."""
+    walking = proposed(f"imu.rotation.{rule}", ResidualSmoothness(0.9), stream="imu")
+    assert max(h.support for h in walking if h.cause == "gyro_bias") == pytest.approx(0.45)
+    of_force = proposed(f"imu.translation.{rule}", ResidualSmoothness(0.9), stream="imu")
+    assert all(hypothesis.cause != "gyro_bias" for hypothesis in of_force)
 
 
 def test_a_rival_that_leaves_what_the_cause_explains_is_contradicted() -> None:
