@@ -58,7 +58,7 @@ from fedora_qa.faults import (
     units,
 )
 from fedora_qa.faults.fault import value_keys
-from fedora_qa.faults.image_part import ImagePart
+from fedora_qa.faults.image_part import ImagePart, PixelRegion
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import flow_rate_hz
@@ -114,8 +114,16 @@ def faults_for(
         fit = FittedCause(cause, stream, size, alarms, results, facts)
         part = part_of_images(alarms, stream) if cause in _OF_PIXELS else None
         for fault in _PROPOSALS[cause](fit):
+            if part is not None and isinstance(fault, pixels.PixelShift) and _empties(fault, part):
+                continue
             # What lies beside the part agrees: a fault of the whole image is ruled out.
             yield fault if part is None else ImagePart(fault, part)
+
+
+def _empties(shift: pixels.PixelShift, part: PixelRegion) -> bool:
+    """Whether a shift within a part of the image leaves less than half of it: findings vanish with its pixels."""
+    left, top, right, bottom = part
+    return 2 * abs(shift.columns_px) > right - left or 2 * abs(shift.rows_px) > bottom - top
 
 
 _WHOLE_PX: Final = 0.1

@@ -22,6 +22,7 @@ from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.faults.axes import VectorAxes
 from fedora_qa.faults.clocks import ClockRate, ClockShift
 from fedora_qa.faults.fault import is_of_part
+from fedora_qa.faults.image_part import ImagePart
 from fedora_qa.faults.images import DecodedTwice, PowerCurve, RayLength
 from fedora_qa.faults.intrinsics import FocalLength, IntrinsicsOfAnotherImage, PrincipalPointShift
 from fedora_qa.faults.motion import AngleSense, QuaternionOrder
@@ -238,6 +239,17 @@ def test_a_shift_after_which_little_of_an_image_is_left_is_not_tried() -> None:
     half_px = max(facts.layout.bindings["path/depth"].shape[1:]) // 2
     assert PixelShift("depth", 0, half_px) in faults_for("spatial_offset", "depth", half_px, (), {}, facts)
     assert not list(faults_for("spatial_offset", "depth", half_px + 1.0, (), {}, facts))
+
+
+@pytest.mark.parametrize(("right_px", "is_tried"), [(4.0, True), (6.0, False)])
+def test_a_shift_after_which_little_of_a_part_is_left_is_not_tried(right_px: float, is_tried: bool) -> None:
+    """Depth deviates in 10 columns alone."""
+    facts = facts_of(memory_sequence())
+    rate = facts.flow_streams[0]
+    shown = alarm("flow_geometry.endpoint.error", FieldsOff(3, 0.5, True, 0, 0, (0, 0, 10, 40)))
+    shown = replace(shown, finding=replace(shown.finding, where=Where(stream=rate)))
+    faults = list(faults_for("spatial_offset", "depth", right_px, [shown], {}, facts))
+    assert (ImagePart(PixelShift("depth", right_px, 0), (0, 0, 10, 40)) in faults) is is_tried
 
 
 def test_a_shift_is_tried_along_the_axes_too() -> None:
