@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import exp, expm1
+from math import exp, expm1, sqrt
 from types import MappingProxyType
 from typing import Final
 
@@ -14,6 +14,7 @@ from fedora_qa.checks.event_response.conservation import (
     ViolationCluster,
     Violations,
 )
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.diagnosis.event_response import whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
@@ -67,6 +68,10 @@ _MOSTLY_SILENT: Final = 0.5
 """Least share of the violating pixels in tiles that are silent for a while, for a dead region: a readout that saturates
 silences a tile as well, and loses events elsewhere."""
 
+_SIGMAS_OF_A_TILE: Final = 5.0
+"""Standard deviations by which the worst of some thousand tiles may exceed the mean share of noise: one in a million
+does."""
+
 _LEAST_COMMON_PERCENT: Final = 2.0
 """Least common gain of the frames for another exposure: tiles of correct frames differ by as much. Not derived."""
 
@@ -109,7 +114,8 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     (cluster,) = (feature for feature in features if isinstance(feature, ViolationCluster))
     trials = [feature for feature in features if isinstance(feature, InverseTrial)]
     courses = next((feature for feature in features if isinstance(feature, ChangeCourses)), ChangeCourses())
-    noise = _of_noise([feature for feature in features if isinstance(feature, LoneEventRate)], violations, facts)
+    rates = [feature for feature in features if isinstance(feature, LoneEventRate)]
+    noise = _of_noise(rates, violations, cluster.fraction_of_worst_tile, facts)
     few = violations.fraction < _FEW
     # Violations of a dead region lie together, in pixels without events; rows or columns that are dead form a band.
     # Violations of a region that is dead for some time lie closer together than those of lost events: a lost packet
@@ -182,11 +188,14 @@ def _of_courses(courses: ChangeCourses) -> tuple[Hypothesis, ...]:
     return tuple(hypotheses)
 
 
-def _of_noise(rates: Sequence[LoneEventRate], violations: Violations, facts: Facts) -> tuple[Hypothesis, ...]:
+def _of_noise(
+    rates: Sequence[LoneEventRate], violations: Violations, of_worst_tile: float, facts: Facts
+) -> tuple[Hypothesis, ...]:
     """Return noise that is not declared, where lone events are as many everywhere and enough for the violations.
 
     A spurious event moves its pixel by a threshold, which any pixel that uses its range shows: of noise with r events a
-    second, a share of at most 1 - exp(-r s) of the pixels violates the law within s seconds, and not many fewer.
+    second, a share of at most 1 - exp(-r s) of the pixels violates the law within s seconds, and not many fewer. Each
+    pixel does so by itself: a tile of which more do has lost events, or others than those of noise.
     """
     declared = facts.declared.events
     if declared is None:
@@ -197,11 +206,19 @@ def _of_noise(rates: Sequence[LoneEventRate], violations: Violations, facts: Fac
         is_uniform = rate.quiet_hz > _UNIFORM * rate.mean_hz
         with_noise = -expm1(-excess_hz * rate.seconds)
         explains = _FEWEST_DISTURBED * with_noise < violations.fraction < with_noise
-        if excess_hz > 0 and is_uniform and explains:
+        if excess_hz > 0 and is_uniform and explains and of_worst_tile < _largest_share_of_a_tile(rate, facts):
             percent = 100 * excess_hz / declared_hz if declared_hz > 0 else None
             unit = "" if percent is None else "percent"
             return (Hypothesis("noise_misdeclared", "events", _support("uniform_lone_events"), percent, unit),)
     return ()
+
+
+def _largest_share_of_a_tile(rate: LoneEventRate, facts: Facts) -> float:
+    """Return the largest share of the pixels of a tile that noise of the mean rate disturbs in the whole file."""
+    times_ns = facts.clocks["rgb"].times_ns
+    seconds = max(float(times_ns[-1] - times_ns[0]) / NS_PER_S, rate.seconds) if len(times_ns) else rate.seconds
+    share = -expm1(-rate.mean_hz * seconds)
+    return share + _SIGMAS_OF_A_TILE * sqrt(share * (1 - share)) / TILE_PX
 
 
 def _lies_in_one_place(cluster: ViolationCluster) -> bool:

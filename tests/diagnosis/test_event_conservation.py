@@ -152,6 +152,15 @@ def test_lone_events_everywhere_are_noise(rate: LoneEventRate, is_noise: bool) -
     assert (first == Hypothesis("noise_misdeclared", "events", 0.9)) is is_noise
 
 
+@pytest.mark.parametrize(("of_worst_tile", "is_noise"), [(0.9, True), (0.95, False)])
+def test_noise_disturbs_no_tile_as_a_whole(of_worst_tile: float, is_noise: bool) -> None:
+    """Half an event a second disturbs 0.63 of the pixels in 2 s, and 0.93 of those of the worst tile."""
+    cluster = ViolationCluster(44.7, 0.2, 0.1, 0.0, 0.05, fraction_of_worst_tile=of_worst_tile)
+    features = Violations(2000, 0.2), cluster, LoneEventRate(0.5, 0.5, 1.0)
+    causes = {h.cause for h in proposed("event_response.conservation.pixels", *features, stream="events")}
+    assert ("noise_misdeclared" in causes) is is_noise
+
+
 @pytest.mark.parametrize(
     ("courses", "first"),
     [

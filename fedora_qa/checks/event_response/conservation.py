@@ -68,6 +68,8 @@ class ViolationCluster(Feature):
     firing_of_disturbed
         Violating pixels that have events, relative to those that declared noise may disturb; infinite without such
         noise.
+    fraction_of_worst_tile
+        Fraction of the pixels of the worst tile that violate the law.
     """
 
     side_px: float
@@ -77,6 +79,7 @@ class ViolationCluster(Feature):
     fraction_in_densest_square: float
     fraction_in_densest_band: float = 0.0
     firing_of_disturbed: float = inf
+    fraction_of_worst_tile: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,6 +278,7 @@ class EventResponseConservation(Check[ConservationState]):
             side_px,
             fraction_of_image=everywhere,
             fraction_nearby=float(np.count_nonzero(near)) / max(count, 1),
+            fraction_of_worst_tile=tile_fraction,
             fraction_without_events=sum(
                 group.without_events for group in groups if group.events_per_pixel >= max(usual / 2, 1 / pixels.size)
             )
