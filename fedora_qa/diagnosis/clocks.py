@@ -18,6 +18,7 @@ from fedora_qa.checks.index_maps.frame_to_event import MapRule, WrongEntries
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.diagnosis.clock_units import factors_of_span, is_tick_factor
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
+from fedora_qa.estimators.clocks.merged_clock import MergedClock, merged_clock
 from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS, VaryingDelay, clock_steps, varying_delay
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import FRAMES_OF_MAP
@@ -53,6 +54,12 @@ def delay_of(stream: str, facts: Facts) -> VaryingDelay | None:
     return varying_delay(clock.times_ns, start_ns, resolution_ns=NS_PER_US)
 
 
+def merged_clock_of(stream: str, facts: Facts) -> MergedClock | None:
+    """Return the parts of the clock of IMU or poses that was set back, and whose samples were sorted; else None."""
+    clock = facts.clocks.get(stream) if stream in ("imu", "pose") else None
+    return None if clock is None else merged_clock(clock.times_ns, resolution_ns=NS_PER_US)
+
+
 def contradict_timestamps(codes: Iterable[str], family: str) -> bool:
     """Whether findings, by their codes, compare what samples of a stream hold with other streams."""
     checks = {
@@ -67,7 +74,8 @@ def contradict_timestamps(codes: Iterable[str], family: str) -> bool:
 def of_varying_delays(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the offset of clocks that leave their regular times for a while, where content contradicts timestamps.
 
-    Correct clocks do not: what such samples hold is late by as much, whatever else explains it.
+    Correct clocks do not: what such samples hold is late by as much, whatever else explains it. Nor do those that were
+    set back, of which samples before and behind that have taken turns since they were sorted.
     """
     hypotheses = []
     for stream in facts.clocks:
@@ -76,6 +84,11 @@ def of_varying_delays(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             if delay is not None and delay.returns:
                 late_ms = delay.offset_ns / NS_PER_MS
                 hypotheses.append(Hypothesis("time_offset", stream, support("clocks.late_for_a_while"), late_ms, "ms"))
+            if (merged := merged_clock_of(stream, facts)) is not None:
+                back_ms = merged.offset_ns / NS_PER_MS
+                hypotheses.append(
+                    Hypothesis("time_offset", stream, support("clocks.set_back_and_sorted"), back_ms, "ms")
+                )
     return tuple(hypotheses)
 
 

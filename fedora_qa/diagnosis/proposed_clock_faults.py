@@ -14,7 +14,7 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.order import OutOfOrderIntervals
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
-from fedora_qa.diagnosis.clocks import contradict_timestamps, delay_of
+from fedora_qa.diagnosis.clocks import contradict_timestamps, delay_of, merged_clock_of
 from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.image_parts import fewest_fields_off, part_of_time
@@ -148,6 +148,8 @@ def clock_shift(fit: FittedCause) -> Faults:
     """Yield offsets: of frames that hold others, of a part of the clock, from a step on, and of the whole clock."""
     if any(isinstance(feature, StrayEvents) for alarm in fit.alarms for feature in alarm.statistic.features):
         return  # which time single events had is unknown, and all others have theirs
+    if (merged := merged_clock_of(fit.stream, fit.facts)) is not None:
+        yield clocks.ClockSetBackAndSorted(fit.stream, merged.offset_ns, len(merged.before))
     yield from _delayed_frames(fit)
     yield from _event_clock_steps(fit)
     steps = list(_clock_steps(fit))

@@ -51,6 +51,7 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
     {
         **_every("time_offset", (clocks.ClockShift,)),
         **{("time_offset", stream): (clocks.ClockShift, row_order.DelayedFrames) for stream in ("depth", "rgb")},
+        **{("time_offset", stream): (clocks.ClockShift, clocks.ClockSetBackAndSorted) for stream in ("imu", "pose")},
         **_every("clock_rate", (clocks.ClockRate,)),
         **_every("dropped_samples", WithoutInverse("The missing samples are not stored.")),
         **_every("duplicated_samples", (row_order.DuplicatedSamples,)),

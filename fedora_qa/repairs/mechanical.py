@@ -64,6 +64,7 @@ _GRAVITY: Final = "The attitude is known only from noisy orientations, whose err
 MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
     {
         clocks.ClockShift: _MECHANICAL,
+        clocks.ClockSetBackAndSorted: _MECHANICAL,
         clocks.ClockRate: _MECHANICAL,
         clocks.TimeUnit: _MECHANICAL,
         row_order.DuplicatedSamples: _MECHANICAL,

@@ -227,6 +227,18 @@ def test_a_clock_that_stretches_span_and_period_alike_has_a_wrong_rate() -> None
     assert named(hypotheses) == [("truncated", "imu"), ("time_unit", "imu")]
 
 
+def test_samples_that_take_turns_after_the_clock_was_set_back_are_late() -> None:
+    """What content they have contradicts their timestamps; of other streams they say nothing."""
+    facts = exact_facts()
+    times_ns = facts.clocks["imu"].times_ns.copy()
+    times_ns[40:] -= 2300 * 1000
+    facts = with_clock(facts, "imu", clock(np.sort(times_ns)))
+    for code, sizes in (("imu.translation.lever", [-2.3]), ("images.exposure.jump", [])):
+        place = Where(stream="imu")
+        shown = Alarm(Finding("F1", code, "error", "off", place), Statistic("v", 1.0, "1", 0.0, "off", code, place))
+        assert [h.magnitude for h in of_varying_delays(shown, facts) if h.stream == "imu"] == pytest.approx(sizes)
+
+
 def test_an_imu_that_ends_early_may_have_been_numbered_anew() -> None:
     """Colour, whose frames are compared with events by their own time, was cut."""
     facts = exact_facts()

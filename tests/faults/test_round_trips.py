@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.faults.axes import RectificationAxes, VectorAxes
-from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
+from fedora_qa.faults.clocks import ClockRate, ClockSetBackAndSorted, ClockShift, TimeUnit
 from fedora_qa.faults.declarations import (
     EventModelMisdeclared,
     GravityMisdeclared,
@@ -136,6 +136,7 @@ few_or_all = st.one_of(st.none(), st.integers(0, 3))
 CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(ClockShift, timed, st.floats(-50 * MS, 50 * MS), ranges), exact),
     (st.builds(ClockRate, timed, st.floats(-5e4, 5e4), st.integers(-MS, 90 * MS), ranges), rounded),
+    (st.builds(ClockSetBackAndSorted, st.just("imu"), st.just(-2.3 * MS), st.integers(20, 80)), exact),
     (st.builds(TimeUnit, timed, st.sampled_from([1000.0, 1e6]), st.sampled_from([None, 0]), ranges), exact),
     (st.builds(TimeUnit, timed, st.sampled_from([0.5, 31.7])), rounded),
     (st.builds(Unsorted, st.sampled_from(TIMED[:5]), st.integers(0, 3), st.integers(2, 3), st.booleans()), exact),

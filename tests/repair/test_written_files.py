@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from fedora_generator.faults.plant import plant_fault
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
-from fedora_qa.faults.clocks import ClockShift
+from fedora_qa.faults.clocks import ClockSetBackAndSorted, ClockShift
 from fedora_qa.faults.declarations import NoiseMisdeclared
 from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.gravity import ForceSign, GravityAlongBody
@@ -106,8 +106,8 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     classes = {each for entry in FAULTS.values() if not isinstance(entry, WithoutInverse) for each in entry}
     assert set(MECHANICAL) == classes
     # Tests of their own: below, and in ``test_repair``.
-    beside = {SwappedFrames, FramesInOrderOfNames, TransferMisdeclared, IndexSide, NoiseMisdeclared, PoseInversion,
-              MountingUnit, AngleOrder, AngleSense, ForceSign, GravityAlongBody,
+    beside = {ClockSetBackAndSorted, SwappedFrames, FramesInOrderOfNames, TransferMisdeclared, IndexSide,
+              NoiseMisdeclared, PoseInversion, MountingUnit, AngleOrder, AngleSense, ForceSign, GravityAlongBody,
               TransposedIntrinsics, PrincipalPointFromMiddle, IntrinsicsOfAnotherImage, InvertedMounting}  # fmt: skip
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
     assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside

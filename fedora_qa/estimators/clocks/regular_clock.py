@@ -247,7 +247,7 @@ def _line(numbers: Float64, elapsed_ns: Float64) -> tuple[float, Float64, float]
     return slope, elapsed_ns - elapsed_ns.mean() - slope * centred, spread
 
 
-def _exact_period(steps: Int64) -> int | None:
+def exact_period(steps: Int64) -> int | None:
     """Return the period that at least half of the steps (n,) have, as those of an exact clock; None of another one."""
     period = int(np.median(steps))
     return period if period > 0 and np.mean(steps == period) >= _EXACT_RATIO else None
@@ -296,7 +296,7 @@ def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment |
     if len(times_ns) < 3:
         return None
     steps = np.diff(times_ns)
-    period = _exact_period(steps)
+    period = exact_period(steps)
     if period is None:
         return None
     # Deviation from the line through the first timestamp, modulo the period: lost samples leave whole periods.
@@ -432,7 +432,7 @@ def clock_steps(times_ns: Int64, *, resolution_ns: int) -> tuple[ClockStep, ...]
     if len(times_ns) < 3:
         return ()
     steps = np.diff(times_ns)
-    period = _exact_period(steps)
+    period = exact_period(steps)
     if period is None:
         return ()
     behind = np.flatnonzero(np.abs(steps - period) > _ROUNDINGS * resolution_ns)
@@ -482,7 +482,7 @@ def slewed_part(times_ns: Int64, *, resolution_ns: int) -> SlewedSegment | None:
     if len(times_ns) < 3:
         return None
     steps = np.diff(times_ns)
-    period = _exact_period(steps)
+    period = exact_period(steps)
     if period is None:
         return None
     excess_ns = (steps + period // 2) % period - period // 2
