@@ -26,10 +26,7 @@ from fedora_qa.estimators.clocks.regular_clock import (
     displaced_part,
     slewed_part,
 )
-from fedora_qa.faults import (
-    clocks,
-    row_order,
-)
+from fedora_qa.faults import clocks, name_order, row_order, sorted_clock
 from fedora_qa.faults.fault import RowRange
 from fedora_qa.sequence.facts import StrayEvents
 
@@ -135,7 +132,7 @@ def exchanged_frames(fit: FittedCause) -> Faults:
             yield row_order.SwappedFrames(fit.stream, ((first, last),))
     if _are_mostly_off(fit):
         for first_number in (0, 1):
-            by_names = row_order.FramesInOrderOfNames(fit.stream, first_number)
+            by_names = name_order.FramesInOrderOfNames(fit.stream, first_number)
             if np.any(np.diff(by_names.order(count)) < 0):
                 yield by_names
     # Two makers of frames that take turns, and were collected in the other order.
@@ -149,7 +146,7 @@ def clock_shift(fit: FittedCause) -> Faults:
     if any(isinstance(feature, StrayEvents) for alarm in fit.alarms for feature in alarm.statistic.features):
         return  # which time single events had is unknown, and all others have theirs
     if (merged := merged_clock_of(fit.stream, fit.facts)) is not None:
-        yield clocks.ClockSetBackAndSorted(fit.stream, merged.offset_ns, len(merged.before))
+        yield sorted_clock.ClockSetBackAndSorted(fit.stream, merged.offset_ns, len(merged.before))
     yield from _delayed_frames(fit)
     yield from _event_clock_steps(fit)
     steps = list(_clock_steps(fit))

@@ -17,8 +17,10 @@ from fedora_qa.faults import (
     intrinsics,
     motion,
     mountings,
+    name_order,
     pixels,
     row_order,
+    sorted_clock,
     units,
 )
 from fedora_qa.faults.fault import ReversibleFault
@@ -51,7 +53,10 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
     {
         **_every("time_offset", (clocks.ClockShift,)),
         **{("time_offset", stream): (clocks.ClockShift, row_order.DelayedFrames) for stream in ("depth", "rgb")},
-        **{("time_offset", stream): (clocks.ClockShift, clocks.ClockSetBackAndSorted) for stream in ("imu", "pose")},
+        **{
+            ("time_offset", stream): (clocks.ClockShift, sorted_clock.ClockSetBackAndSorted)
+            for stream in ("imu", "pose")
+        },
         **_every("clock_rate", (clocks.ClockRate,)),
         **_every("dropped_samples", WithoutInverse("The missing samples are not stored.")),
         **_every("duplicated_samples", (row_order.DuplicatedSamples,)),
@@ -127,7 +132,7 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every("interpolated_pose", WithoutInverse("The poses between those of the lower rate are not stored.")),
         **_every("noise_misdeclared", (declarations.NoiseMisdeclared,)),
         **_every("frozen_frames", WithoutInverse("The values that were not written are not stored.")),
-        **_every("swapped_frames", (row_order.SwappedFrames, row_order.FramesInOrderOfNames)),
+        **_every("swapped_frames", (row_order.SwappedFrames, name_order.FramesInOrderOfNames)),
         **_every("other_sequence", WithoutInverse("The stream of this sequence is not in the file.")),
         **_every("channel_order", (images.ChannelOrder,)),
         **_every(

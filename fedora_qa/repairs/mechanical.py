@@ -25,8 +25,10 @@ from fedora_qa.faults import (
     intrinsics,
     motion,
     mountings,
+    name_order,
     pixels,
     row_order,
+    sorted_clock,
     units,
 )
 from fedora_qa.faults.fault import ReversibleFault
@@ -64,13 +66,13 @@ _GRAVITY: Final = "The attitude is known only from noisy orientations, whose err
 MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
     {
         clocks.ClockShift: _MECHANICAL,
-        clocks.ClockSetBackAndSorted: _MECHANICAL,
+        sorted_clock.ClockSetBackAndSorted: _MECHANICAL,
         clocks.ClockRate: _MECHANICAL,
         clocks.TimeUnit: _MECHANICAL,
         row_order.DuplicatedSamples: _MECHANICAL,
         row_order.Unsorted: _MECHANICAL,
         row_order.SwappedFrames: _MECHANICAL,
-        row_order.FramesInOrderOfNames: _MECHANICAL,
+        name_order.FramesInOrderOfNames: _MECHANICAL,
         row_order.DelayedFrames: "Frames that the values of others have replaced are lost; export them again.",
         index_maps.IndexShift: _MECHANICAL,
         index_maps.IndexSide: _MECHANICAL,

@@ -27,8 +27,9 @@ from fedora_qa.faults.images import DecodedTwice, PowerCurve, RayLength
 from fedora_qa.faults.intrinsics import FocalLength, IntrinsicsOfAnotherImage, PrincipalPointShift
 from fedora_qa.faults.motion import AngleSense, QuaternionOrder
 from fedora_qa.faults.mountings import MountingLeverArm, MountingRotation
+from fedora_qa.faults.name_order import FramesInOrderOfNames
 from fedora_qa.faults.pixels import PixelShift
-from fedora_qa.faults.row_order import DelayedFrames, FramesInOrderOfNames, SwappedFrames
+from fedora_qa.faults.row_order import DelayedFrames, SwappedFrames
 from fedora_qa.faults.table import faults_of
 from fedora_qa.faults.units import AngleUnit, FlowGain, LengthUnit
 from fedora_qa.features import Feature

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.faults.axes import RectificationAxes, VectorAxes
-from fedora_qa.faults.clocks import ClockRate, ClockSetBackAndSorted, ClockShift, TimeUnit
+from fedora_qa.faults.clocks import ClockRate, ClockShift, TimeUnit
 from fedora_qa.faults.declarations import (
     EventModelMisdeclared,
     GravityMisdeclared,
@@ -55,8 +55,10 @@ from fedora_qa.faults.motion import (
     Teleport,
 )
 from fedora_qa.faults.mountings import CameraAxes, InvertedMounting, MountingLeverArm, MountingRotation, MountingUnit
+from fedora_qa.faults.name_order import FramesInOrderOfNames
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
-from fedora_qa.faults.row_order import DelayedFrames, DuplicatedSamples, FramesInOrderOfNames, SwappedFrames, Unsorted
+from fedora_qa.faults.row_order import DelayedFrames, DuplicatedSamples, SwappedFrames, Unsorted
+from fedora_qa.faults.sorted_clock import ClockSetBackAndSorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.faults.units import LENGTHS, AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
 from tests.support.memory_sequence import FLOW_STRIDES, MS, MemorySequence, all_rows, facts_of, memory_sequence

@@ -38,8 +38,9 @@ from fedora_qa.faults.motion import (
     QuaternionOrder,
     Teleport,
 )
+from fedora_qa.faults.name_order import FramesInOrderOfNames
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
-from fedora_qa.faults.row_order import DuplicatedSamples, FramesInOrderOfNames, SwappedFrames, Unsorted
+from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
 from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
 from tests.support.memory_sequence import (
     EVENT_HEIGHT,

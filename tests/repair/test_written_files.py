@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from fedora_generator.faults.plant import plant_fault
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
-from fedora_qa.faults.clocks import ClockSetBackAndSorted, ClockShift
+from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.declarations import NoiseMisdeclared
 from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.gravity import ForceSign, GravityAlongBody
@@ -20,7 +20,9 @@ from fedora_qa.faults.index_maps import IndexSide
 from fedora_qa.faults.intrinsics import IntrinsicsOfAnotherImage, PrincipalPointFromMiddle, TransposedIntrinsics
 from fedora_qa.faults.motion import AngleOrder, AngleSense, PoseInversion
 from fedora_qa.faults.mountings import InvertedMounting, MountingUnit
-from fedora_qa.faults.row_order import DuplicatedSamples, FramesInOrderOfNames, SwappedFrames, Unsorted
+from fedora_qa.faults.name_order import FramesInOrderOfNames
+from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
+from fedora_qa.faults.sorted_clock import ClockSetBackAndSorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.repairs.mechanical import MECHANICAL, why_not_mechanical

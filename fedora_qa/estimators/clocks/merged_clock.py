@@ -58,7 +58,7 @@ def merged_clock(times_ns: Int64, *, resolution_ns: int) -> MergedClock | None:
     def is_on(time_ns: np.int64) -> NDArray[np.bool_]:
         """Return whether each timestamp is whole periods from another one."""
         half_ns = period_ns // 2
-        return np.abs((times_ns - time_ns + half_ns) % period_ns - half_ns) <= within_ns
+        return np.asarray(np.abs((times_ns - time_ns + half_ns) % period_ns - half_ns) <= within_ns)
 
     on_first, on_last = is_on(times_ns[first]), is_on(times_ns[last])
     rows = np.arange(len(times_ns))
