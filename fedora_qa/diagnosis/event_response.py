@@ -121,10 +121,14 @@ def propose_threshold(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     ratio = step.fitted / step.expected
     if ratio < _REVERSED_BELOW:
         return (Hypothesis("polarity_inverted", "events", support("event_response.polarity_of_reversed_steps")),)
-    threshold, model = (
-        ("threshold_where_other_model_fits", "model_where_other_model_fits")
+    threshold, model, transfer = (
+        ("threshold_where_other_model_fits", "model_where_other_model_fits", "transfer_spoils_thresholds")
         if domains.log_residual_ratio > _DOMAIN_PREFERRED * domains.standard_error
-        else ("threshold_where_declared_model_fits", "model_where_declared_model_fits")
+        else (
+            "threshold_where_declared_model_fits",
+            "model_where_declared_model_fits",
+            "transfer_where_declared_model_fits",
+        )
     )
     # Beyond the capture range of the fit, an offset biases the thresholds.
     offset, offset_rgb = (
@@ -141,7 +145,7 @@ def propose_threshold(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         Hypothesis("event_model_misdeclared", "events", support(f"event_response.{model}")),
         Hypothesis("time_offset", "events", support(f"event_response.{offset}")),
         Hypothesis("time_offset", "rgb", support(f"event_response.{offset_rgb}")),
-        Hypothesis("exposure_or_gamma", "rgb", support("event_response.transfer_spoils_thresholds")),
+        Hypothesis("exposure_or_gamma", "rgb", support(f"event_response.{transfer}")),
         Hypothesis("dropped_samples", "events", support("event_response.lost_events_spoil_thresholds")),
         Hypothesis("duplicated_samples", "events", support("event_response.lost_events_spoil_thresholds")),
         *_of_rounded_frames(0.0, facts, "rounded_frames_spoil_thresholds"),

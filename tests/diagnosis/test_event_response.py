@@ -10,8 +10,10 @@ from fedora_qa.checks.event_response.alignment import CameraErrorFits, EventShif
 from fedora_qa.checks.event_response.frames import ChangeAnomalies
 from fedora_qa.checks.event_response.jitter import TimestampScatter
 from fedora_qa.checks.event_response.orientation import EventSymmetry
+from fedora_qa.checks.event_response.threshold import DomainPreference, EventStepSize
 from fedora_qa.checks.event_response.timing import DelayCourses, delay_courses
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.candidates import FITS
 from fedora_qa.diagnosis.event_response import hypotheses_of_symmetry, propose_alignment, whose_offset, with_clock_reset
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.proposed_faults import faults_for
@@ -188,3 +190,13 @@ def test_frames_that_left_the_grid_with_depth_are_late_and_not_the_events(frames
     clocks = {name: clock_of(facts.clocks[name].times_ns + round(by * MS), None) for name, by in late.items()}
     of_events, of_frames = whose_offset(-6.4, replace(facts, clocks={**facts.clocks, **clocks}))
     assert (of_frames > of_events) == (first == "rgb")
+
+
+@pytest.mark.parametrize(("log_residual_ratio", "is_named"), [(0.0, True), (1.0, False)])
+def test_an_exposure_that_follows_the_scene_is_left_where_no_threshold_is_wrong(
+    log_residual_ratio: float, is_named: bool
+) -> None:
+    """Without a trial, too; where the other model of events fits, the model is the cause."""
+    features = EventStepSize(16.1, 9.78, 0.15, 0.0), DomainPreference(log_residual_ratio, 0.01)
+    supports = {h.cause: h.support for h in proposed("event_response.threshold.size", *features, stream="events")}
+    assert (supports["exposure_or_gamma"] >= FITS) is is_named
