@@ -20,6 +20,10 @@ FITS: Final = 0.4
 """Least support by one check of a cause that is named without a trial: what any fault of the stream would explain has
 less."""
 
+OF_COMPONENTS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm"})
+"""Causes whose size is a vector that is fitted to the whole sequence: each finding states a component, of either
+sign."""
+
 _IN_EARNEST: Final = 0.3
 """Least support of a cause by one check for it to explain findings of other checks about its stream."""
 
@@ -118,8 +122,9 @@ def gather_candidates(
     for (cause, stream), of_cause in evidence.items():
         # One fault shifts or scales in one direction: sizes of the sign with less support are left out, or replaced by
         # the best of the other sign for the same finding. Each check counts once, however many of its findings have a
-        # size.
-        signs = {finding: bool(h.magnitude > 0) for finding, h in of_cause.items() if h.magnitude}
+        # size. Components of one vector have signs of their own.
+        sized = () if cause in OF_COMPONENTS else of_cause.items()
+        signs = {finding: bool(h.magnitude > 0) for finding, h in sized if h.magnitude}
         support = {s: sum(of_cause[f].support * weights[f] for f in signs if signs[f] is s) for s in (True, False)}
         sign = support[True] >= support[False]
         of_one_sign = {

@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.diagnosis.candidates import CONTENDS, FITS, UNKNOWN, CauseCandidate, gather_candidates
+from fedora_qa.diagnosis.candidates import CONTENDS, FITS, OF_COMPONENTS, UNKNOWN, CauseCandidate, gather_candidates
 from fedora_qa.diagnosis.conclusion import (
     Trials,
     UndoTrial,
@@ -73,8 +73,8 @@ _WHOLE_PX: Final = 0.5
 """Largest difference of a fitted shift from the one that was undone for the fitted one to be stated: that in whole
 pixels is rounded."""
 
-_VECTORS: Final = frozenset({"gyro_bias", "accel_bias", "lever_arm", "teleport"})
-"""Causes whose size is the length of a vector, of which each finding states a component."""
+_VECTORS: Final = OF_COMPONENTS | {"teleport"}
+"""Causes whose size is the length of a vector."""
 
 
 def rank_candidates(
@@ -214,7 +214,7 @@ def choose_causes(
         return any(
             other.key != candidate.key
             and tested[other.key]
-            and not (other.key in trials and trials[other.key].fails)
+            and not (other.key in trials and trials[other.key].fails and is_conclusive(prior[other.key], codes))
             and own <= set(other.evidence)
             # Sorted timestamps are in order, whatever has disordered them.
             and not any(clears_by_construction(other.cause, codes[finding]) for finding in other.evidence)

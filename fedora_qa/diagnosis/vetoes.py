@@ -136,6 +136,10 @@ _TURNS_ALIKE_PERCENT: Final = 10.0
 unrelated motion is 0, and the limit, in which the residual counts, is as large as the error. An unrelated motion for a
 share of the time has that share of both."""
 
+_HALF_RELATED_PERCENT: Final = -50.0
+"""Error of the gain of the gyro that an unrelated motion for half of the time gives. The value is not derived: such a
+motion also leaves its residual, which must be that of noise."""
+
 _SAME_OFFSET: Final = 0.1
 """Largest relative difference of an offset of flow from the one on which its rates agree. The value is not derived:
 motion that does not change evenly curves the template of time, and three rates of a file with 54 ms stated 52 to 55."""
@@ -508,11 +512,18 @@ def _follow_beside(share_percent: float, result: Result | None) -> bool:
 
 
 def _turns_alike(result: Result | None) -> bool:
-    """Whether the gyro turns as the poses do, however much its bias, its axes or its gain deviate."""
+    """Whether the gyro turns as the poses do, however much its bias, its axes or its gain deviate.
+
+    Noise of the poses widens the limit of the gain. What then is left of the motion is noise alone where both are of
+    one flight; of two flights the whole motion is left, which the gain shows to be larger than the noise.
+    """
     gain = measured(result, "scale")
     if gain is None or gain.value is None or gain.limit is None:
         return False
-    return abs(gain.value) + gain.limit < _TURNS_ALIKE_PERCENT
+    left = [measured(result, name) for name in ("rotation_residual", "worst_rotation")]
+    is_noise = all(each is not None and not each.exceeds_limit for each in left)
+    is_related = gain.value - gain.limit > _HALF_RELATED_PERCENT
+    return abs(gain.value) + gain.limit < _TURNS_ALIKE_PERCENT or (is_noise and is_related)
 
 
 def _agrees_otherwise(results: Results) -> bool:

@@ -396,6 +396,14 @@ def test_a_vector_has_its_length_for_a_size() -> None:
     assert (found[0].magnitude, found[0].unit) == (0.0374, "rad/s")
 
 
+def test_components_of_a_vector_have_signs_of_their_own() -> None:
+    """A bias towards +x and -z is one fault, whose undoing explains both findings."""
+    components = [alarm(i, Hypothesis("gyro_bias", "imu", 0.9, size, "rad/s")) for i, size in ((1, 0.05), (2, -0.09))]
+    assert [d.explains for d in diagnosed(components)] == [("F1", "F2")]
+    rates = [alarm(i, Hypothesis("clock_rate", "imu", 0.9, size, "ppm")) for i, size in ((1, 50.0), (2, -90.0))]
+    assert [d.explains for d in diagnosed(rates) if d.cause == "clock_rate"] == [("F1",)]
+
+
 def test_a_measurement_in_order_contradicts_a_cause() -> None:
     """A passed check of the size itself, or of the correlation of a stream, rules a cause out."""
     size = Measurement("time_offset", 0.04, "ms", 0.05, 0.0, 0.3, 0.5)
@@ -618,6 +626,9 @@ def test_what_a_check_measures_comes_before_what_leaves_it_in_the_whole_file() -
     assert diagnosed(explained)[0].cause == "time_offset"
     left = {"F1": 1.06, "F2": 1.48, "F3": 0.9}
     trials = {("time_offset", "rgb"): replace(tried(left=left), fault=ClockShift("rgb", 2e7))}
+    assert diagnosed(explained, trials)[0].cause == "swapped_frames"
+    # Of the orders in which frames may be, the one that was tried is not theirs, which says nothing of another.
+    trials["swapped_frames", "rgb"] = tried(left=left)
     assert diagnosed(explained, trials)[0].cause == "swapped_frames"
 
 

@@ -151,6 +151,25 @@ def test_a_gyro_that_turns_as_the_poses_do_is_of_their_flight(
     assert not contradicts("other_sequence", "rgb", None, results, {})
 
 
+@pytest.mark.parametrize(
+    ("off_percent", "limit_percent", "residual", "is_contradicted"),
+    [(8.7, 8.8, 4.8, True), (8.7, 70.0, 4.8, False), (8.7, 8.8, 7.0, False), (-80.0, 8.8, 4.8, False)],
+    ids=["noise is left", "gain unknown", "motion is left", "does not turn"],
+)
+def test_a_gyro_that_leaves_noise_alone_is_of_the_flight_of_noisy_poses(
+    off_percent: float, limit_percent: float, residual: float, *, is_contradicted: bool
+) -> None:
+    """Noise widens the limit of the gain, and two flights leave a motion that the gain shows to exceed the noise."""
+    gain = Measurement("scale", off_percent, "percent", 1.6, 0.0, limit_percent, 9.0)
+    left = (
+        Measurement("rotation_residual", residual, "mrad", 0.2, 4.9, 1.1, 1.2),
+        Measurement("worst_rotation", -18.0, "mrad", 4.9, 0.0, 26.0, 27.0),
+    )
+    results = {"imu.rotation": Result("imu.rotation", "failed", "off", measurements=(gain, *left))}
+    for stream in ("imu", "pose"):
+        assert contradicts("other_sequence", stream, None, results, {}) == is_contradicted
+
+
 @pytest.mark.parametrize("stream", ["events", "rgb"])
 @pytest.mark.parametrize(
     ("correlation", "advantage", "is_contradicted"),
