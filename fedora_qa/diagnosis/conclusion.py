@@ -14,11 +14,21 @@ from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.diagnosis.candidates import FITS, CauseCandidate
 from fedora_qa.diagnosis.clock_units import checks_that_compare, is_known_unit
-from fedora_qa.diagnosis.direct import check_of_code, clears_by_construction, is_declared, is_direct, is_local
+from fedora_qa.diagnosis.direct import (
+    check_of_code,
+    clears_by_construction,
+    is_declared,
+    is_direct,
+    is_local,
+    is_of_stretch,
+)
 from fedora_qa.diagnosis.length_units import is_length_unit
 from fedora_qa.diagnosis.proposed_faults import is_testable
 from fedora_qa.faults.fault import ReversibleFault, is_of_part
 from fedora_qa.record.types import DiagnosisStatus
+
+CERTAIN: Final = 0.85
+"""Least support of a cause by the check whose business it is for the finding to count as a measurement of the cause."""
 
 HALF: Final = 0.5
 """Part of a deviation that a fault leaves at most where undoing it reduces the deviation."""
@@ -217,6 +227,9 @@ def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
         return False
     if candidate.cause == "gyro_bias" and any(codes[finding] in _CHANGES for finding in candidate.evidence):
         # The mean of a bias that walks is not the bias at any time.
+        return False
+    if any(h.support >= CERTAIN and is_of_stretch(codes[finding]) for finding, h in candidate.evidence.items()):
+        # Undone everywhere, the rest deviates, and no stretch of time stands out.
         return False
     best = (f for f, h in candidate.evidence.items() if h.support >= candidate.best_support)
     return candidate.cause not in _MANY_MECHANISMS and not any(

@@ -18,6 +18,7 @@ from typing import Final
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.diagnosis.candidates import CONTENDS, FITS, OF_COMPONENTS, UNKNOWN, CauseCandidate, gather_candidates
 from fedora_qa.diagnosis.conclusion import (
+    CERTAIN,
     Trials,
     UndoTrial,
     clears_by_chance,
@@ -54,11 +55,10 @@ from fedora_qa.record.types import Diagnosis, Where
 _ENOUGH: Final = 0.05
 """Least support that a further cause must add to be named."""
 
-_CERTAIN: Final = 0.85
-"""Least support of a cause by the check whose business it is for the finding to count as a measurement of the cause."""
-
 _OF_LAYOUT: Final = "integrity.layout."
 """Beginning of the codes of findings about how values are stored. Types that lose nothing give no alarm."""
+
+_LABEL: Final = "metadata.units.label"
 
 _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
@@ -127,7 +127,11 @@ def rank_candidates(
         for candidate in gather_candidates(large_enough, _weights(alarms))
         if stream_family(candidate.stream) not in excluded
         and candidate.key not in never
-        and not contradicts(candidate.cause, candidate.stream, candidate.size.magnitude, results, places)
+        and (
+            # A label that is wrong is beside values that are in order.
+            any(by_finding[finding].finding.code == _LABEL for finding in candidate.evidence)
+            or not contradicts(candidate.cause, candidate.stream, candidate.size.magnitude, results, places)
+        )
     ]
     return sorted(candidates, key=lambda candidate: -candidate.total_support)
 
@@ -186,7 +190,7 @@ def choose_causes(
         What was lost when values were stored disturbs all that is computed from them, and is read, not estimated.
         """
         by_check = sum(_new_support(candidate, f, unexplained) * weights[f] for f in candidate.evidence)
-        is_stored_so = any(_new_support(candidate, f, unexplained) >= _CERTAIN for f in of_layout)
+        is_stored_so = any(_new_support(candidate, f, unexplained) >= CERTAIN for f in of_layout)
         return is_stored_so, round(by_check, 6), is_out_of_place(candidate)
 
     def is_out_of_place(candidate: CauseCandidate) -> bool:
@@ -345,7 +349,7 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
         certain = {
             finding: replace(h, support=1.0)
             for finding, h in candidate.evidence.items()
-            if h.support >= _CERTAIN and is_direct(candidate.cause, codes[finding], candidate.stream)
+            if h.support >= CERTAIN and is_direct(candidate.cause, codes[finding], candidate.stream)
         }
         return replace(candidate, evidence={**candidate.evidence, **certain})
     evidence = dict(candidate.evidence)

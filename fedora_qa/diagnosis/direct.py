@@ -110,6 +110,11 @@ def is_local(code: str) -> bool:
     return check in _LOCAL_CHECKS or rule in _LOCAL_RULES
 
 
+def is_of_stretch(code: str) -> bool:
+    """Whether a finding, by its code, is the deviation of one stretch of time from the rest of the file."""
+    return code.rpartition(".")[2] == "stretch"
+
+
 def is_declared(code: str) -> bool:
     """Whether a finding, by its code, is of what the file declares."""
     return code.startswith("metadata.")

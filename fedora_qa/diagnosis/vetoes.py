@@ -57,6 +57,8 @@ _REPEATS: Final = ("frozen_frames", "pose")
 
 _RAYS: Final = ("depth_ray_not_z", "depth")
 
+_NOISE_OF_POSES: Final = ("noise_misdeclared", "pose")
+
 _MEASURED: Final[Mapping[tuple[str, str], tuple[str, str]]] = MappingProxyType(
     {
         ("time_offset", "events"): (_EVENTS, "time_offset"),
@@ -288,8 +290,10 @@ def contradicts(
     is_of_frames = is_clock and begin_and_end_with_frames(results)
     is_no_threshold = cause == "threshold_misdeclared" and _changes_sign(results.get("event_response.threshold"))
     is_own_camera = family == "flow" and cause in _OF_CAMERA and _passed(results.get("flow_geometry.endpoint"))
+    of_noise = (cause, family) == _NOISE_OF_POSES
+    is_no_noise = of_noise and _follows_declared_noise(magnitude, results.get("flow_geometry.endpoint"))
     of_clocks = is_off_grid or is_within_reach or is_rounding or is_of_frames
-    if of_clocks or is_of_another_body or is_no_threshold or is_no_arm or is_own_camera:
+    if of_clocks or is_of_another_body or is_no_threshold or is_no_arm or is_own_camera or is_no_noise:
         return True
     # A gain that was measured of single frames changes the whole by less.
     if (cause, family) in _IN_ORDER and (cause != "exposure_or_gamma" or magnitude is None):
@@ -441,6 +445,25 @@ def _contradicts_arm(family: str, magnitude_m: float | None, results: Results) -
     if family in _OF_MOTION:
         return abs(magnitude_m) > hypot(*(abs(part) + limit for part, limit in zip(arm_m, limits_m, strict=True)))
     return family == "metadata" and abs(hypot(*arm_m) - abs(magnitude_m)) < _SAME_ARM * abs(magnitude_m)
+
+
+def _follows_declared_noise(off_percent: float | None, result: Result | None) -> bool:
+    """Whether flow asks for corrections of the poses as large as their declared noise, by limits that decide it.
+
+    Depth that disagrees with the poses by more is then wrong itself.
+
+    Parameters
+    ----------
+    off_percent
+        100 (declared / true - 1).
+    result
+        Of ``flow_geometry.endpoint``, which states true / declared for each rate.
+    """
+    ratios = [m for m in (result.measurements if result is not None else ()) if m.name.endswith(" pose_correction")]
+    limits = [ratio.limit for ratio in ratios if ratio.limit is not None and not ratio.exceeds_limit]
+    if off_percent is None or off_percent <= -100.0 or not limits or len(limits) < len(ratios):
+        return False
+    return abs(1 / (1 + off_percent / 100) - 1) > min(limits)
 
 
 def _largest_jump_that_passes(measurement: Measurement) -> float:

@@ -36,6 +36,9 @@ TICKS_WITHIN: Final = 0.05
 _BEHIND: Final = 2
 """k events in reverse make k - 1 steps back and as many that lie behind; a clock that is set back leaves many."""
 
+_STEPS_OF_BLOCKS: Final = 2
+"""Steps forwards of two blocks that were exchanged: from before the one to the other, and from the one to behind it."""
+
 _AGREES: Final = 0.97
 _DISAGREES: Final = 0.3
 _GAINED: Final = 0.9
@@ -141,6 +144,8 @@ def clock_reset(events: EventScan | None) -> ClockReset | None:
     if not backwards or events.decreases > len(backwards) or events.behind <= _BEHIND * events.decreases:
         return None
     back = backwards[0]
+    if _are_exchanged(back, forwards):
+        return None
     # The longest forward step may be the end of the part itself; the second longest bounds ordinary gaps.
     usual_ns = forwards[1].length_ns if len(forwards) > 1 else 0
     if not forwards or forwards[0].length_ns <= 2 * usual_ns:
@@ -168,3 +173,22 @@ def clock_reset(events: EventScan | None) -> ClockReset | None:
         # The net step is the time that the clock gained within the part: over the part's length it is the rate error.
         drift_ppm=1e6 * gained_ns / due_ns if due_ns > 0 else None,
     )
+
+
+def _are_exchanged(back: EventStep, forwards: list[EventStep]) -> bool:
+    """Whether two long steps forwards lie around a step back, and are together as long as it.
+
+    Parameters
+    ----------
+    back
+        The step back.
+    forwards
+        Steps forwards, the longest first.
+    """
+    if len(forwards) <= _STEPS_OF_BLOCKS:
+        return False
+    first, second = sorted(forwards[:_STEPS_OF_BLOCKS], key=lambda step: step.row)
+    usual_ns = forwards[_STEPS_OF_BLOCKS].length_ns
+    # Each of the three steps has a usual one more or less.
+    is_as_long = abs(first.length_ns + back.length_ns + second.length_ns) <= 3 * usual_ns
+    return first.row < back.row < second.row and min(first.length_ns, second.length_ns) > 2 * usual_ns and is_as_long

@@ -644,6 +644,26 @@ def test_a_clock_that_was_set_within_the_file_is_not_ruled_out_by_a_trial_of_the
         assert diagnosed(explained, trials)[0].cause == cause
 
 
+def test_a_fault_of_a_stretch_is_not_ruled_out_by_a_trial_of_the_whole() -> None:
+    """Mirrored everywhere, the rest of the events disagrees with the frames."""
+    moved = Hypothesis("mirrored", "events", 0.97)
+    for rule, cause in (("stretch", "mirrored"), ("other", "hot_pixels")):
+        explained = [
+            alarm(1, moved, Hypothesis("hot_pixels", "events", 0.5), code="event_stream.rates.hot_pixel"),
+            alarm(2, replace(moved, support=0.95), code=f"event_response.orientation.{rule}"),
+        ]
+        trials = {("mirrored", "events"): tried(left={"F1": 3.0})}
+        assert diagnosed(explained, trials)[0].cause == cause
+
+
+@pytest.mark.parametrize(("code", "cause"), [("metadata.units.label", "unit_mm_m"), ("depth.scale.factor", "unknown")])
+def test_values_in_order_do_not_excuse_a_label(code: str, cause: str) -> None:
+    """A unit that depths are labelled with is wrong where the depths agree with all else."""
+    passed = {check: Result(check, "passed", "") for check in ("depth.scale", "depth.range", "depth.consistency")}
+    metres = alarm(1, Hypothesis("unit_mm_m", "depth", 0.5, 0.001, "1"), code=code, stream="depth")
+    assert diagnosed([metres], results=passed)[0].cause == cause
+
+
 def test_frames_that_stand_still_are_not_exchanged() -> None:
     """The displacements of exchanged frames are 2, -1 and 2 of the flow."""
     explained = alarm(1, Hypothesis("swapped_frames", "rgb", 0.8), Hypothesis("frozen_frames", "rgb", 0.5))

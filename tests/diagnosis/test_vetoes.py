@@ -170,6 +170,21 @@ def test_a_gyro_that_leaves_noise_alone_is_of_the_flight_of_noisy_poses(
         assert contradicts("other_sequence", stream, None, results, {}) == is_contradicted
 
 
+@pytest.mark.parametrize(
+    ("off_percent", "ratio", "limit", "is_contradicted"),
+    [(-43.0, 1.02, 0.18, True), (-43.0, 1.8, 0.18, False), (-43.0, 1.3, 0.9, False), (-10.0, 1.02, 0.18, False)],
+    ids=["declared", "larger", "not decided", "within limits"],
+)
+def test_flow_with_corrections_of_the_declared_noise_contradicts_another_noise(
+    off_percent: float, ratio: float, limit: float, *, is_contradicted: bool
+) -> None:
+    """Depth that asks for larger corrections of the poses than flow does is wrong itself."""
+    correction = Measurement("flow/50hz pose_correction", ratio, "1", 0.04, 1.0, limit, 2 * limit)
+    results = {"flow_geometry.endpoint": Result("flow_geometry.endpoint", "failed", "off", measurements=(correction,))}
+    assert contradicts("noise_misdeclared", "pose", off_percent, results, {}) == is_contradicted
+    assert not contradicts("noise_misdeclared", "imu", off_percent, results, {})
+
+
 @pytest.mark.parametrize("stream", ["events", "rgb"])
 @pytest.mark.parametrize(
     ("correlation", "advantage", "is_contradicted"),

@@ -91,11 +91,15 @@ def exchanged(rows: int) -> Int64:
         pytest.param(exchanged(2), id="two exchanged"),
         pytest.param(exchanged(7), id="seven in reverse"),
         pytest.param(np.random.default_rng(1).permutation(RIGHT_NS), id="shuffled"),
+        pytest.param(
+            np.concatenate([RIGHT_NS[:5_000], RIGHT_NS[9_000:15_000], RIGHT_NS[5_000:9_000], RIGHT_NS[15_000:]]),
+            id="two blocks exchanged",
+        ),
         pytest.param((RIGHT_NS + (np.arange(RIGHT_NS.size) % 4 == 0) * 6 * MS), id="a quarter of the pixels late"),
     ],
 )
 def test_events_out_of_order_are_no_clock_that_was_set(times_ns: Int64) -> None:
-    """Neither events in order, nor single ones in another order, nor those of some pixels are a clock that was set."""
+    """Neither events in order, nor single ones or blocks in another order, nor those of some pixels are a clock set."""
     assert clock_reset(scan_of(times_ns)) is None
 
 
