@@ -38,8 +38,8 @@ _NEARLY_ALL: Final = 0.9
 for flaws of antialiasing."""
 
 _SMALL: Final = 0.25
-"""Largest fraction of the image for such a neighbourhood: eight violations (the fewest that are judged) that lie
-independently all fall into one given neighbourhood by chance in 0.25^8 = 0.002% of cases."""
+"""Largest fraction of the image, or of the changes by events, for such a neighbourhood: eight violations (the fewest
+that are judged) that lie independently all fall into one given neighbourhood by chance in 0.25^8 = 0.002% of cases."""
 
 _RESOLVED: Final = 0.8
 """Fraction of the violations that an inverse transform must resolve, net. In 36 damaged files, correct transforms of a
@@ -224,10 +224,13 @@ def _largest_share_of_a_tile(rate: LoneEventRate, facts: Facts) -> float:
 def _lies_in_one_place(cluster: ViolationCluster) -> bool:
     """Whether a small neighbourhood holds nearly all violations, of which the region itself has as few as it has edges.
 
-    Outside of a dead region nothing is lost; lost events lie wherever the image has edges.
+    Outside of a dead region nothing is lost; lost events lie wherever the image has edges: in a box as often as the
+    events that follow these.
     """
     if not cluster.fraction_in_densest_square:
         return False
+    if cluster.changes_in_box < _SMALL:
+        return True
     # The neighbourhood of the worst tile, as in the check: its reach is the side of the square and a tile.
     side_px = 2 * (cluster.side_px + TILE_PX) + TILE_PX
     share_of_image = side_px**2 * cluster.fraction_of_image / cluster.side_px**2

@@ -218,3 +218,13 @@ def test_declared_noise_does_not_hide_dead_pixels(
     hypotheses = proposed("event_response.conservation.region", *features, stream="events")
     best = max(hypotheses, key=lambda hypothesis: hypothesis.support)
     assert (best.cause == "dead_region") is is_dead
+
+
+@pytest.mark.parametrize(("changes_in_box", "is_dead"), [(0.05, True), (0.33, False)])
+def test_violations_where_few_events_are_lie_in_a_dead_region(changes_in_box: float, *, is_dead: bool) -> None:
+    """Events that are lost anywhere are lost where events are."""
+    cluster = ViolationCluster(10.0, 0.01, 0.65, 0.0, 0.33, changes_in_box=changes_in_box)
+    features = Violations(100, 0.01), cluster
+    hypotheses = proposed("event_response.conservation.region", *features, stream="events")
+    best = max(hypotheses, key=lambda hypothesis: hypothesis.support)
+    assert best.cause == ("dead_region" if is_dead else "dropped_samples")

@@ -16,6 +16,7 @@ from fedora_qa.estimators.events.change_courses import (
     silent_tiles,
 )
 from fedora_qa.estimators.events.rates import LoneEvents, count_lone_events
+from fedora_qa.estimators.events.violation_box import share_in_box, with_neighbours
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import EventModel
@@ -70,6 +71,10 @@ class ViolationCluster(Feature):
         noise.
     fraction_of_worst_tile
         Fraction of the pixels of the worst tile that violate the law.
+    changes_in_box
+        Share of the changes by events in the rectangle in which nine tenths of the violating pixels lie by their
+        columns, and by their rows. Beside declared noise, which disturbs single pixels, those that lie alone do not
+        count.
     """
 
     side_px: float
@@ -80,6 +85,7 @@ class ViolationCluster(Feature):
     fraction_in_densest_band: float = 0.0
     firing_of_disturbed: float = inf
     fraction_of_worst_tile: float = 0.0
+    changes_in_box: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,6 +292,7 @@ class EventResponseConservation(Check[ConservationState]):
             fraction_in_densest_square=densest,
             fraction_in_densest_band=densest_band,
             firing_of_disturbed=firing / disturbed if disturbed else inf,
+            changes_in_box=_changes_in_box(state.moments, with_neighbours(pixels) if disturbed else pixels),
         )
         courses = _courses(state.moments, state.runs.model, pixels)
         tile = Statistic(
@@ -400,6 +407,14 @@ def _courses(moments: list[NDArray[np.float32]], model: EventModel, violating: B
         common_percent=100 * gain,
         silent_share=float(np.count_nonzero(violating & in_silence)) / max(int(np.count_nonzero(violating)), 1),
     )
+
+
+def _changes_in_box(moments: list[NDArray[np.float32]], pixels: Bool) -> float:
+    """Return the share of the changes by events in the box of violating pixels; 1 where nothing was compared."""
+    if not moments:
+        return 1.0
+    changes = np.sum([of_window[..., 4].sum(axis=0, dtype=np.float64) for of_window in moments], axis=0)
+    return share_in_box(changes.reshape(GRID, GRID), pixels)
 
 
 def _square_counts(pixels: Bool, side: int) -> NDArray[np.int64]:
