@@ -58,8 +58,8 @@ _LEAST_FACTOR: Final = 2.0
 wrong scale depths by less."""
 
 _LEFT_BY_FIT: Final = 0.02
-"""Largest part of a deviation that a fitted factor leaves where it is the cause: its fit has an error. The value is not
-derived."""
+"""Largest part of a deviation that a fitted size leaves where it is that of the cause: its fit has an error. The value
+is not derived."""
 
 _ARM_OF_POSES: Final = ("lever_arm", "pose")
 _ARM_OF_IMU: Final = ("lever_arm", "imu")
@@ -166,6 +166,11 @@ class UndoTrial:
         return min(map(abs, self.left.values())) > HALF if self.left else bool(self.caused)
 
     @property
+    def clears_but_for_fit(self) -> bool:
+        """Whether undoing the fault clears findings, causes none, and leaves no more than the error of its size."""
+        return self.succeeds and all(abs(ratio) <= _LEFT_BY_FIT for ratio in self.left.values())
+
+    @property
     def reduces(self) -> bool:
         """Whether undoing the fault clears findings, or leaves at most half of a deviation."""
         return self.is_decided and not self.fails
@@ -263,9 +268,7 @@ def is_scale_by_chance(candidate: CauseCandidate, trials: Trials) -> bool:
     if 1 / _LEAST_FACTOR < factor < _LEAST_FACTOR:
         return True
     trial = trials.get(candidate.key)
-    if trial is None or trial.caused or trial.crashed or not trial.cleared:
-        return True
-    return any(abs(ratio) > _LEFT_BY_FIT for ratio in trial.left.values())
+    return trial is None or not trial.clears_but_for_fit
 
 
 def is_unit_by_chance(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:

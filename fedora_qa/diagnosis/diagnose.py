@@ -353,12 +353,12 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
         }
         return replace(candidate, evidence={**candidate.evidence, **certain})
     evidence = dict(candidate.evidence)
-    # A fault that clears all that the windows show, of several checks, clears nothing by chance; nor does one with a
-    # field of its own that clears a check beside the one that measured this field.
+    # A fault that clears all that the windows show, of several checks, but for the error of its size, clears nothing by
+    # chance; nor does one with a field of its own that clears a check beside the one that measured this field.
     concerned = {check_of_code(codes[f]) for f in trial.cleared}
     if candidate.cause not in _IN_ONE_DIRECTION:
         concerned |= {check_of_code(codes[f]) for f, h in candidate.evidence.items() if h.support >= FITS}
-    clears_all = trial.succeeds and not trial.left and len(concerned) > 1
+    clears_all = trial.clears_but_for_fit and len(concerned) > 1
     for finding in trial.cleared:
         # Deviations that only the trial has brought about count against it.
         cleared = len(trial.cleared) / (len(trial.cleared) + len(trial.caused) + len(trial.crashed))

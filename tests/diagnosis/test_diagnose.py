@@ -270,6 +270,9 @@ def test_what_clears_all_of_several_checks_outweighs_a_measurement_at_a_place() 
     # Where something is left, what no check would explain by the cause counts as chance first.
     found = diagnosed(shown, {IS_LATE: of_delay, of_focal: tried("F1", left={"F3": 0.9})})
     assert found[0].cause == "time_offset"
+    # But for what the error of a fitted size leaves.
+    found = diagnosed(shown, {IS_LATE: of_delay, of_focal: tried("F1", left={"F3": 0.018})})
+    assert found[0].cause == "intrinsics_focal"
 
 
 def test_nothing_is_confirmed_while_a_rival_is_untested() -> None:
