@@ -138,9 +138,9 @@ _TURNS_ALIKE_PERCENT: Final = 10.0
 unrelated motion is 0, and the limit, in which the residual counts, is as large as the error. An unrelated motion for a
 share of the time has that share of both."""
 
-_HALF_RELATED_PERCENT: Final = -50.0
-"""Error of the gain of the gyro that an unrelated motion for half of the time gives. The value is not derived: such a
-motion also leaves its residual, which must be that of noise."""
+_GAIN_OF_ANOTHER_PERCENT: Final = 50.0
+"""Largest limit of the gain of the gyro at which one within it is no chance. The value is not derived: the parameters
+fit any two flights of a second in noise, with gains that were off by -66, 144 and 182 percent."""
 
 _SAME_OFFSET: Final = 0.1
 """Largest relative difference of an offset of flow from the one on which its rates agree. The value is not derived:
@@ -537,16 +537,16 @@ def _follow_beside(share_percent: float, result: Result | None) -> bool:
 def _turns_alike(result: Result | None) -> bool:
     """Whether the gyro turns as the poses do, however much its bias, its axes or its gain deviate.
 
-    Noise of the poses widens the limit of the gain. What then is left of the motion is noise alone where both are of
-    one flight; of two flights the whole motion is left, which the gain shows to be larger than the noise.
+    Noise of the poses widens the limit of the gain. Two short flights may then be fitted within noise, with any gain;
+    those of one flight leave noise alone and have a gain within its limit.
     """
     gain = measured(result, "scale")
     if gain is None or gain.value is None or gain.limit is None:
         return False
     left = [measured(result, name) for name in ("rotation_residual", "worst_rotation")]
     is_noise = all(each is not None and not each.exceeds_limit for each in left)
-    is_related = gain.value - gain.limit > _HALF_RELATED_PERCENT
-    return abs(gain.value) + gain.limit < _TURNS_ALIKE_PERCENT or (is_noise and is_related)
+    is_of_one = is_noise and abs(gain.value) <= gain.limit < _GAIN_OF_ANOTHER_PERCENT
+    return abs(gain.value) + gain.limit < _TURNS_ALIKE_PERCENT or is_of_one
 
 
 def _agrees_otherwise(results: Results) -> bool:
