@@ -42,6 +42,37 @@ def why_not_comparable(facts: Facts, first: str, second: str) -> str:
     return ""
 
 
+def why_not_one_centre(facts: Facts, first: str, second: str) -> str:
+    """Return why the pixels of two cameras have no position in each other's image; empty where they have.
+
+    Cameras of one centre see each point along one ray, at any depth: their lenses, their rotation and K relate their
+    pixels.
+
+    Parameters
+    ----------
+    facts
+        With the declared cameras.
+    first, second
+        Names of the cameras.
+
+    Returns
+    -------
+    str
+        A sentence, or an empty string. Besides the conditions of ``why_not_comparable``, the centres must agree within
+        ``CENTRES_AGREE_M``, without skew.
+    """
+    reason = why_not_comparable(facts, first, second)
+    if reason:
+        return reason
+    camera1, camera2 = facts.declared.cameras[first], facts.declared.cameras[second]
+    # Two centres give parallax, which depends on depth: no mapping of pixels then takes one image to the other.
+    if np.abs(camera1.T_body_camera - camera2.T_body_camera)[:3, 3].max() > CENTRES_AGREE_M:
+        return f"the cameras {first} and {second} do not share one centre"
+    if camera1.K[0, 1] or camera2.K[0, 1]:
+        return f"K of the cameras {first} and {second} has skew"
+    return ""
+
+
 def why_not_one_view(facts: Facts, first: str, second: str, *, rotated: bool = False) -> str:
     """Return why the images of two cameras differ by more than a scale; empty where they do not.
 
@@ -61,19 +92,14 @@ def why_not_one_view(facts: Facts, first: str, second: str, *, rotated: bool = F
     Returns
     -------
     str
-        A sentence, or an empty string. Besides the conditions of ``why_not_comparable``, the centres must agree within
-        ``CENTRES_AGREE_M`` and the elements of the rotations within ``AXES_AGREE``, without skew.
+        A sentence, or an empty string. Besides the conditions of ``why_not_one_centre``, the elements of the rotations
+        must agree within ``AXES_AGREE``.
     """
-    reason = why_not_comparable(facts, first, second)
+    reason = why_not_one_centre(facts, first, second)
     if reason:
         return reason
     camera1, camera2 = facts.declared.cameras[first], facts.declared.cameras[second]
     difference = np.abs(camera1.T_body_camera - camera2.T_body_camera)
-    # Two centres give parallax, which depends on depth: no scale then maps one image onto the other.
-    if difference[:3, 3].max() > CENTRES_AGREE_M:
-        return f"the cameras {first} and {second} do not share one centre"
-    if camera1.K[0, 1] or camera2.K[0, 1]:
-        return f"K of the cameras {first} and {second} has skew"
     may_differ = rotated and camera1.lens is camera2.lens is None
     if difference[:3, :3].max() > AXES_AGREE and not may_differ:
         return f"the axes of the cameras {first} and {second} differ"

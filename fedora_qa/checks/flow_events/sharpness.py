@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.flow.contrast import GAINS, MARGIN_PX, SensorView, WarpableEvents, best_gain, sharpness_under
-from fedora_qa.estimators.flow.contrast_kernels import on_rows
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
-from fedora_qa.views.camera_mapping import why_not_one_view
-from fedora_qa.views.event_camera import sensor_shape
+from fedora_qa.views.camera_mapping import why_not_one_centre
+from fedora_qa.views.event_view import event_view
 from fedora_qa.views.flow_intervals import Interval, owned_intervals, place
 from fedora_qa.views.frames import bands, is_large, near
 
@@ -113,6 +112,10 @@ class FieldSharpness:
         Root mean square displacement over the time of the events, over the focal length, rad.
     flow_px
         Root mean square of the field, px of the event camera.
+    pixel_px
+        Root mean square of the widths of the events' pixels in the view of the flow, px of the event camera.
+    share_in_view
+        Share of the event camera's pixels that lie in the view of the flow; None where all do, as of equal lenses.
     """
 
     interval: Interval
@@ -122,6 +125,8 @@ class FieldSharpness:
     way_px: float
     way_rad: float
     flow_px: float
+    pixel_px: float
+    share_in_view: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +189,9 @@ class RateSharpness:
         """Bound of the bias of the gain by the size of pixels and by bent paths (see ``FlowEventsSharpness``)."""
         way_px2 = float(np.mean(np.square([field.way_px for field in self.fields])))
         way_rad2 = float(np.mean(np.square([field.way_rad for field in self.fields])))
-        # var(s) / var(u) = 1 / (12 w^2) by the pixel, 2 a^2 by the bent path (derivation in FlowEventsSharpness).
-        return PIXEL_VARIANCE_PX2 / max(way_px2, 1e-12) + BEND * way_rad2
+        pixel_px2 = float(np.mean(np.square([field.pixel_px for field in self.fields])))
+        # var(s) / var(u) = p^2 / (12 w^2) by the pixel, 2 a^2 by the bent path (derivation in FlowEventsSharpness).
+        return PIXEL_VARIANCE_PX2 * pixel_px2 / max(way_px2, 1e-12) + BEND * way_rad2
 
     @property
     def is_informative(self) -> bool:
@@ -217,6 +223,10 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
 
     How
     ---
+    Events of a camera with another lens than the flow's, or turned against it by up to 10 degrees, are seen in the view
+    of the flow: each pixel has its position there, between pixels, by the declared lenses, rotation and K. Pixels
+    beyond that view are left out, and the share that is left is stated.
+
     Events around the middle of a field's interval (60 ms, or up to the whole interval where this makes the bound below
     smaller) are warped along the stored flow to the middle, under uniform motion of each point, and along the flow
     times several gains. Sharpness is the mean over events of the density at their positions in the image of warped
@@ -230,9 +240,10 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
     counting. The bound of the gain has two parts. The first is the size of a pixel. An edge that is at u when pixel m
     fires has u = m + s, with s uniform in the pixel. All pixels share s, so that the relative error of the regression
     of m on u, and of the gain, is at most var(s) / var(u) = 1 / (12 w^2), with w the root mean square displacement in
-    px. The second is the curvature of a path: if the line of sight rotates by an angle a, the third order of tan is up
-    to 4/3 a^2 at 30 degrees off the axis; the bound is 2 a^2. Another flow must be sharper by a fifth, which uniform
-    motion along a curved path never is.
+    px. Seen through a lens, a pixel has the width p in the view of the flow, its greatest, and this part is p^2 / (12
+    w^2); positions are not rounded. The second is the curvature of a path: if the line of sight rotates by an angle a,
+    the third order of tan is up to 4/3 a^2 at 30 degrees off the axis; the bound is 2 a^2. Another flow must be sharper
+    by a fifth, which uniform motion along a curved path never is.
 
     Cannot detect
     -------------
@@ -251,8 +262,8 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
     needs = ("flow", "events")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require the event camera at the place of the depth camera, on whose grid flow lies."""
-        reason = why_not_one_view(facts, "depth", "events")
+        """Require the event camera at the place of the depth camera, on whose grid flow lies, through any lens."""
+        reason = why_not_one_centre(facts, "depth", "events")
         cameras = facts.declared.cameras
         if not reason and not all(np.all(np.diag(cameras[name].K) > 0) for name in ("depth", "events")):
             return "a focal length of the cameras depth and events is not positive (see metadata.cameras)"
@@ -337,7 +348,9 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
             for stream, rate in informative.items()
             for statistic in self._statistics(stream, rate, deviates_by_rate, facts)
         ]
-        return Observation(coverage, tuple(statistics))
+        share = fields[0].share_in_view
+        inferred = {} if share is None else {"events.share_in_view_of_flow": share}
+        return Observation(coverage, tuple(statistics), inferred=inferred)
 
     def _statistics(
         self, stream: str, sharpness: RateSharpness, deviates_by_rate: Mapping[str, bool], facts: Facts
@@ -391,14 +404,15 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
         stored_px = window.flow_px(interval.stream, interval.row)
     except UnreadableRowsError:
         return None
-    # Mapping of the event camera, which has the centre of the depth camera, onto the flow's grid.
-    K_flow, K_event = (window.facts.declared.cameras[name].K for name in ("depth", "events"))
+    # Events lie in the view of the depth camera, in pixels of the event camera. The axes of both are parallel and their
+    # lens is one, so that u_flow = f_flow / f_event (u_event - c_event) + c_flow, along each axis.
+    events_view = event_view(window, "depth")
+    K_flow, K_event, shape = window.facts.declared.cameras["depth"].K, events_view.K, events_view.shape
+    if not min(shape):
+        return None
     across, down = (float(K_flow[i, i] / K_event[i, i]) for i in range(2))
     left, top = (float(K_flow[i, 2] - K_event[i, 2] * K_flow[i, i] / K_event[i, i]) for i in range(2))
-    # The optical axes of both cameras are parallel: u_flow = f_flow / f_event (u_event - c_event) + c_flow, along each
-    # axis.
     view = SensorView(across, left, down, top, 1 / across, 1 / down)
-    shape = sensor_shape(window.facts.declared)
     focal_px = abs(float(window.facts.declared.cameras["events"].K[0, 0]))  # an axis may be declared reversed
     rows, most, speed_pixels = np.ones(shape[0], np.bool_), MOST_EVENTS, _SPEED_PIXELS
     if is_large(stored_px.shape[0] * stored_px.shape[1], window):
@@ -424,11 +438,13 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
         return None
     # Step between events, so that about ``most`` of them lie in the rows.
     step = 1 + int(float(np.mean(rows)) * (nearby.stop - nearby.start)) // most
-    chosen = on_rows(events.x, events.y, (nearby.start, nearby.stop, step), shape[1], rows)
+    chosen = events_view.chosen(events, (nearby.start, nearby.stop, step), rows)
     x, y = events.x[chosen].astype(np.uint16), events.y[chosen].astype(np.uint16)
     # Time in units of the interval: an event at tau lies tau times the flow from its place at the start.
     tau = (events.times_ns[chosen] - interval.start_ns) / interval.length_ns
     ordered = WarpableEvents.pixel_by_pixel(x, y, tau)
+    columns, rows_px, widths_px = events_view.places(ordered.x, ordered.y)
+    ordered = WarpableEvents(columns, rows_px, ordered.tau)
 
     # The transforms that keep the position of values, as in TRANSFORMS.
     interval_s = interval.duration_s
@@ -448,7 +464,10 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     # ``way_px`` is the rms over event times, 1/sqrt(12) of the displacement; over the focal length (px) it is an angle.
     way_rad = as_stored.way_px / _RMS_OF_TIME / focal_px
     by_gain = as_stored.sharpness[: 1 + len(GAINS)]
-    return FieldSharpness(interval, by_gain, transformed, count, as_stored.way_px, way_rad, flow_px)
+    pixel_px = float(np.sqrt(np.mean(np.square(widths_px[as_stored.carried]))))
+    return FieldSharpness(
+        interval, by_gain, transformed, count, as_stored.way_px, way_rad, flow_px, pixel_px, events_view.share
+    )
 
 
 def _around(events: Events, interval: Interval, half_ns: int) -> slice:

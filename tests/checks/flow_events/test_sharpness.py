@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import h5py
 import numpy as np
 import pytest
@@ -11,26 +12,52 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import R_BODY_OPTICAL
 from tests.checks.event_file import DURATION_MS, FRAME_SHAPE, LOG_WORLD, SHAPE, log_file
 from tests.estimators.event_world import MS, Stream, camera_matrix
-from tests.support.checked import diagnoses_of, rules, run_check
+from tests.support.checked import diagnoses_of, measured_record, rules, run_check
 
 CHECK = "flow_events.sharpness"
 PERIOD_US = 40_000
 SCALE = FRAME_SHAPE[1] / 56
 
 
+LENS = (-0.37, 0.16, 4e-4, -3e-4)
+TURN_RAD = np.array([0.01, -0.02, 0.015])
+"""Of the event camera's rays to those of the view of the flow, a rotation vector."""
+
+
 def drifting_dots() -> Stream:
     """Dots that drift with the world's velocity, each of which fires at random times in the pixel where it then is."""
+    times_ns, at, p = dots_in_view()
+    x, y = (np.rint(at[:, i]).astype(int) % SHAPE[1 - i] for i in (0, 1))
+    return Stream(x.astype(np.uint16), y.astype(np.uint16), times_ns, p)
+
+
+def dots_through_a_lens() -> Stream:
+    """The same dots, in the pixels of a camera with ``LENS`` that is turned by ``TURN_RAD`` against the flow's."""
+    times_ns, at, p = dots_in_view()
+    K = camera_matrix(SHAPE[1], SHAPE[0])
+    turn, _ = cv2.Rodrigues(TURN_RAD)
+    rays = np.column_stack([at % SHAPE[::-1], np.ones(len(at))]) @ np.linalg.inv(K).T @ turn
+    pixels = np.rint(cv2.projectPoints(rays, np.zeros(3), np.zeros(3), K, np.array(LENS))[0].reshape(-1, 2))
+    inside = np.all((pixels >= 0) & (pixels < SHAPE[::-1]), axis=1)
+    x, y = pixels[inside].astype(np.uint16).T
+    return Stream(x, y, times_ns[inside], p[inside])
+
+
+def dots_in_view() -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.uint8]]:
+    """Times, positions (n, 2) without a border, px, and polarities of the dots."""
     rng = np.random.default_rng(4)
     times_ns = np.sort(rng.integers(1, DURATION_MS * MS, 40_000))
     dot, starts = rng.integers(0, 30, times_ns.size), rng.uniform((0, 0), SHAPE[::-1], (30, 2))
     at = starts[dot] + np.multiply.outer(times_ns * 1e-9, LOG_WORLD.velocity_px_s)
-    x, y = (np.rint(at[:, i]).astype(int) % SHAPE[1 - i] for i in (0, 1))
-    return Stream(x.astype(np.uint16), y.astype(np.uint16), times_ns, rng.integers(0, 2, x.size).astype(np.uint8))
+    return times_ns, at, rng.integers(0, 2, times_ns.size).astype(np.uint8)
 
 
-def write(path: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda flow: flow) -> Path:
+def write(
+    path: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda flow: flow,
+    events: Stream | None = None,
+) -> Path:  # fmt: skip
     """Events of drifting dots, and the flow of their drift at 25 Hz on the depth grid, altered."""
-    log_file().altered(events=drifting_dots()).write(path)
+    log_file().altered(events=events or drifting_dots()).write(path)
     starts = np.arange(0, 1000 * DURATION_MS - PERIOD_US + 1, PERIOD_US)
     flow_px = SCALE * np.array(LOG_WORLD.velocity_px_s) * PERIOD_US * 1e-6
     fields = np.broadcast_to(change(flow_px), (len(starts), *FRAME_SHAPE, 2))
@@ -86,6 +113,50 @@ def test_gain_is_measured(percent: float, tmp_path: Path) -> None:
     (diagnosis,) = diagnoses_of(path, "flow_events")
     assert (diagnosis.cause, diagnosis.stream) == ("flow_gain", "flow")
     assert diagnosis.magnitude == pytest.approx(percent, abs=10.0)
+
+
+def write_distorted(path: Path, percent: float = 0.0, lens: tuple[float, ...] = LENS) -> Path:
+    """Dots that are seen through a lens, and flow that is too large, in the view of a pinhole; the lens is declared."""
+    write(path, lambda flow: flow * (1 + percent / 100), dots_through_a_lens())
+    turn, _ = cv2.Rodrigues(TURN_RAD)
+    with h5py.File(path, "r+") as file:
+        camera = file["metadata/cameras/events"].attrs
+        camera["distortion_model"], camera["distortion"] = "radtan", lens
+        T_body_camera = camera["T_body_camera"].copy()
+        T_body_camera[:3, :3] = T_body_camera[:3, :3] @ turn
+        camera["T_body_camera"] = T_body_camera
+    return path
+
+
+def test_events_through_a_lens_are_sharp_under_the_flow_of_a_pinhole(tmp_path: Path) -> None:
+    """As those without: to a few percent, with a bound that grows with the pixels of the margin, which are wider."""
+    results = [
+        run_check(write(tmp_path / "pinhole.h5"), CHECK),
+        run_check(write_distorted(tmp_path / "lens.h5"), CHECK),
+    ]
+    assert [result.outcome for result in results] == ["passed", "passed"]
+    straight, distorted = (next(m for m in result.measurements if m.name == "gain_25hz") for result in results)
+    assert distorted.value == pytest.approx(0.0, abs=2.0)
+    assert straight.limit is not None
+    assert distorted.limit is not None
+    assert straight.limit < distorted.limit < 1.5 * straight.limit
+    assert measured_record(tmp_path / "lens.h5", "flow_events").inferred["events.share_in_view_of_flow"] == 1.0
+
+
+@pytest.mark.parametrize("percent", [-20.0, 25.0])
+def test_gain_is_measured_through_a_lens(percent: float, tmp_path: Path) -> None:
+    """A gross gain is found, and its size to a tenth."""
+    path = write_distorted(tmp_path / "gain.h5", percent)
+    assert "gain" in rules(run_check(path, CHECK))
+    (diagnosis,) = diagnoses_of(path, "flow_events")
+    assert (diagnosis.cause, diagnosis.stream) == ("flow_gain", "flow")
+    assert diagnosis.magnitude == pytest.approx(percent, abs=10.0)
+
+
+def test_a_lens_whose_pixels_no_view_holds_is_not_judged(tmp_path: Path) -> None:
+    """Where a lens is declared that images no ray of the pixels, no event meets a flow; nothing crashes."""
+    path = write_distorted(tmp_path / "blind.h5", lens=(1e6, 0.0, 0.0, 0.0))
+    assert run_check(path, CHECK).outcome == "not_observable"
 
 
 def test_time_is_never_blamed(tmp_path: Path) -> None:
