@@ -47,7 +47,18 @@ def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_events(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses for ``alignment.events``: a shifted camera, or a late stream."""
+    """Return the hypotheses for ``alignment.events``: a shifted camera, a late stream, another lens or K."""
+    if alarm.finding.code == "alignment.events.lens":
+        return (
+            Hypothesis("rectification_misdeclared", "metadata", support("alignment.event_lens")),
+            Hypothesis("intrinsics_focal", "metadata", support("alignment.event_focal_length")),
+        )
+    if alarm.finding.code == "alignment.events.outward":
+        return (
+            Hypothesis("intrinsics_focal", "metadata", support("alignment.event_focal_length_outwards")),
+            Hypothesis("rectification_misdeclared", "metadata", support("alignment.event_lens_outwards")),
+            Hypothesis("time_offset", "events", support("alignment.event_time_offset_outwards")),
+        )
     return (
         *hypotheses_of_centres(facts),
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),

@@ -548,7 +548,8 @@ def odd_mounting(facts: Facts) -> MountingRotation | None:
     """Return the rotation of the one camera whose axes differ from the common axes of all others.
 
     Cameras of one rig look in one direction. A camera that does not, by an angle that nobody chose (``is_chosen``), is
-    declared wrongly, or was bent. One that looks far away, by whatever angle, shows nothing of what the others show.
+    declared wrongly, or was bent; except for a camera with a lens beside its rectified views. One that looks far away,
+    by whatever angle, shows nothing of what the others show.
 
     Parameters
     ----------
@@ -567,7 +568,10 @@ def odd_mounting(facts: Facts) -> MountingRotation | None:
         if (others := [other for other_name, other in cameras.items() if other_name != name])
         and all(_has_axes_of(others[0], other) for other in others)
         and not _has_axes_of(others[0], camera)
-        and not (is_about_parallel(others[0], camera) and is_chosen(camera, "extrinsic_rotation"))
+        and not (
+            is_about_parallel(others[0], camera)
+            and (is_chosen(camera, "extrinsic_rotation") or _is_rectified_to(others[0], camera))
+        )
     ]
     # Of two cameras that differ, neither is odd unless the numbers of the other were chosen.
     if len(odd) != 1:
@@ -577,6 +581,14 @@ def odd_mounting(facts: Facts) -> MountingRotation | None:
     R = other.T_body_camera[:3, :3].T @ cameras[name].T_body_camera[:3, :3]
     x_deg, y_deg, z_deg = (float(angle) for angle in Rotation.from_matrix(R).as_rotvec(degrees=True))
     return MountingRotation("metadata", (x_deg, y_deg, z_deg), name)
+
+
+def _is_rectified_to(view: Camera, camera: Camera) -> bool:
+    """Whether a camera has a lens and the view has none: the axes of rectified views follow from both of their cameras.
+
+    They are at an angle to each of them, which nobody chose either.
+    """
+    return camera.lens is not None and view.lens is None
 
 
 def _is_rotated(camera: Camera) -> bool:

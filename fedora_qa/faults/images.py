@@ -407,14 +407,17 @@ def darker_corners(conditions: CanaryConditions) -> Fault:
     return conditions.planted(Vignetting(100 * loss))
 
 
-def shifted_colour(conditions: CanaryConditions) -> Fault:
-    """Colour frames lie too far to the right, by a number of pixels of the event camera."""
+def shifted_beside_events(conditions: CanaryConditions) -> Fault:
+    """What locates the events, colour or depth, lies too far to the right, by pixels of the event camera."""
     cameras = conditions.facts.declared.cameras
-    scale = cameras["rgb"].width / cameras["events"].width
+    # Depth locates them where the check has measured along all directions from the principal point.
+    located_by_depth = any(measurement.name == "shift_outwards" for measurement in conditions.measurements)
+    stream = "depth" if located_by_depth else "rgb"
+    scale = cameras[stream].width / cameras["events"].width
     # The limit is in px of the event camera; one px of it spans width_rgb / width_events colour columns (2.25 in the
     # paper of the dataset).
     columns = math.ceil(scale * conditions.size("shift_right", at_least=1.0))
-    return conditions.planted(PixelShift("rgb", columns))
+    return conditions.planted(PixelShift(stream, columns))
 
 
 def shifted_depth(conditions: CanaryConditions) -> Fault:

@@ -1,5 +1,6 @@
 """Edges of colour frames, and of events, around the steps of depth in one window."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.depth.edge_profiles import difference_profiles, root_counts, tile_profiles
-from fedora_qa.estimators.depth.inverse_depth import depth_steps
+from fedora_qa.estimators.depth.inverse_depth import DepthSteps, depth_steps
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import outlines_in_camera, why_not_comparable
@@ -47,7 +48,7 @@ _MIRRORED: Final = ((False, False), (True, False), (False, True))
 DARK_DN: Final = 8.0
 """Added before the logarithm: below it rounding to 8 bits is more than 6% of the signal."""
 
-_EVENTS_AROUND_NS: Final = 10_000_000
+EVENTS_AROUND_NS: Final = 10_000_000
 """Events from 10 ms before to 10 ms after a frame lie on both sides of its edges equally often."""
 
 
@@ -91,30 +92,41 @@ def _measure(window: Window) -> DepthEdges | None:
     clocks = window.facts.clocks
     if not {"depth", "rgb"} <= clocks.keys() or why_depth_and_colour_do_not_meet(window.facts):
         return None
-    # Rows of depth and colour frames with one timestamp.
-    frame_pairs = [
-        (row, rgb_row) for row in window.owned("depth") if (rgb_row := _colour_row(window.facts, row)) is not None
-    ]
-    if window.span.stop_ns - window.span.start_ns >= _SHORT_NS:
-        evenly = np.unique(np.linspace(0, len(frame_pairs) - 1, FRAMES).round().astype(int)) if frame_pairs else ()
-        chosen = [frame_pairs[int(i)] for i in evenly]
-    else:
-        # Short windows take the frames of a grid in time, which does not depend on how the file is cut: in each cell
-        # the first depth frame that has a colour frame.
-        every_ns = 2 * _EVERY_NS if _is_large(window) else _EVERY_NS
-        times_ns = clocks["depth"].times_ns
-        chosen = []
-        for row, rgb_row in frame_pairs:
-            cell, earlier = times_ns[row] // every_ns, row - 1
-            while earlier >= 0 and times_ns[earlier] // every_ns == cell and _colour_row(window.facts, earlier) is None:
-                earlier -= 1
-            if earlier < 0 or times_ns[earlier] // every_ns != cell:
-                chosen.append((row, rgb_row))
+    rows = chosen_rows(window, lambda row: _colour_row(window.facts, row) is not None)
+    chosen = [(row, rgb_row) for row in rows if (rgb_row := _colour_row(window.facts, row)) is not None]
     profiles = [of_frame for pair in chosen if (of_frame := _frame_profiles(window, *pair)) is not None]
     if not profiles:
         return None
     colour, events = (np.sum(of_frames, axis=0) for of_frames in zip(*profiles, strict=True))
     return DepthEdges(colour, events, len(profiles))
+
+
+def chosen_rows(window: Window, is_usable: Callable[[int], bool] = lambda _: True) -> list[int]:
+    """Return the depth frames of a window that are used, evenly spread.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    is_usable
+        Whether a row of the depth stream may be used, whatever the window.
+    """
+    usable = [row for row in window.owned("depth") if is_usable(row)]
+    if window.span.stop_ns - window.span.start_ns >= _SHORT_NS:
+        evenly = np.unique(np.linspace(0, len(usable) - 1, FRAMES).round().astype(int)) if usable else ()
+        return [usable[int(i)] for i in evenly]
+    # Short windows take the frames of a grid in time, which does not depend on how the file is cut: in each cell the
+    # first usable depth frame.
+    every_ns = 2 * _EVERY_NS if _is_large(window) else _EVERY_NS
+    times_ns = window.facts.clocks["depth"].times_ns
+    chosen = []
+    for row in usable:
+        cell, earlier = times_ns[row] // every_ns, row - 1
+        while earlier >= 0 and times_ns[earlier] // every_ns == cell and not is_usable(earlier):
+            earlier -= 1
+        if earlier < 0 or times_ns[earlier] // every_ns != cell:
+            chosen.append(row)
+    return chosen
 
 
 def _colour_row(facts: Facts, row: int) -> int | None:
@@ -127,6 +139,18 @@ def _is_large(window: Window) -> bool:
     return is_large(camera.width * camera.height, window)
 
 
+def steps_of_frame(window: Window, depth_m: Float32, axis: int) -> DepthSteps:
+    """Return the steps of a depth frame (H, W) along an axis: 0 to the right, 1 down."""
+    # Beyond this distance depth is missing: as declared, or else the farthest in the frame.
+    if window.facts.declared.depth_range_m is not None:
+        far_m = window.facts.declared.depth_range_m[1]
+    else:
+        finite_m = depth_m[np.isfinite(depth_m)]
+        far_m = float(finite_m.max()) if len(finite_m) and finite_m.max() > 0 else 1.0
+    lines = LINES // 2 if _is_large(window) else LINES
+    return depth_steps(depth_m, axis, farthest_m=far_m, every=max(1, min(depth_m.shape) // lines))
+
+
 def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Float64] | None:
     """Return the edge profiles of one depth frame against colour and events, as in ``DepthEdges``."""
     try:
@@ -134,29 +158,21 @@ def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Fl
     except UnreadableRowsError:
         return None
     facts, cameras = window.facts, window.facts.declared.cameras
-    # Beyond this distance depth is missing: as declared, or else the farthest in the frame.
-    if facts.declared.depth_range_m is not None:
-        far_m = facts.declared.depth_range_m[1]
-    else:
-        finite_m = depth_m[np.isfinite(depth_m)]
-        far_m = float(finite_m.max()) if len(finite_m) and finite_m.max() > 0 else 1.0
-    lines = LINES // 2 if _is_large(window) else LINES
     # The logarithm is taken in place: frames are large.
     # Differences of the logarithm are contrasts, which do not depend on how brightly an edge is lit.
     log_luma = luma + np.float32(DARK_DN)
     np.log(log_luma, out=log_luma)
-    every = max(1, min(depth_m.shape) // lines)
     # Events of each pixel around the frame, as the square root, which makes the variance of counts constant.
     counts: Float32 | None = None
     if "events" in facts.streams and not why_not_comparable(facts, "depth", "events"):
         height, width = sensor_shape(facts.declared)
-        stored, time_ns = window.events(_EVENTS_AROUND_NS, _EVENTS_AROUND_NS), int(facts.clocks["depth"].times_ns[row])
-        start, stop = np.searchsorted(stored.times_ns, [time_ns - _EVENTS_AROUND_NS, time_ns + _EVENTS_AROUND_NS])
+        stored, time_ns = window.events(EVENTS_AROUND_NS, EVENTS_AROUND_NS), int(facts.clocks["depth"].times_ns[row])
+        start, stop = np.searchsorted(stored.times_ns, [time_ns - EVENTS_AROUND_NS, time_ns + EVENTS_AROUND_NS])
         x, y = (coordinates[start:stop].astype(np.int64) for coordinates in (stored.x, stored.y))
         counts = np.asarray(root_counts(x, y, height, width))
     colour, events = [], []
     for axis in (0, 1):
-        steps = depth_steps(depth_m, axis, farthest_m=far_m, every=every)
+        steps = steps_of_frame(window, depth_m, axis)
         positions = outlines_in_camera(cameras["depth"], cameras["rgb"], steps)
         colour.append([difference_profiles(log_luma, steps, axis, positions, mirrored) for mirrored in _MIRRORED])
         if counts is None:

@@ -29,7 +29,7 @@ from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.faults.mountings import CameraAxes, InvertedMounting
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
-from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.declared import Camera, Lens
 from fedora_qa.sequence.facts import Facts
 from tests.support.memory_sequence import EVENT_HEIGHT, EVENT_WIDTH, facts_of, memory_sequence
 
@@ -471,3 +471,11 @@ def test_a_camera_that_looks_elsewhere_is_odd(rotation_deg: tuple[float, float, 
 def test_no_camera_is_odd(rotations: dict[str, tuple[float, float, float]]) -> None:
     """Rigs of designers, and of cameras that are all calibrated, have none."""
     assert odd_mounting(rig(**rotations)) is None
+
+
+def test_a_distorted_camera_beside_its_rectified_views_is_not_odd() -> None:
+    """Rectification turns the views against the camera, by an angle that nobody chose."""
+    facts = rig(events=(0.31, -1.27, 0.83))
+    cameras = dict(facts.declared.cameras)
+    cameras["events"] = replace(cameras["events"], lens=Lens("radtan", (-0.1, 0.2, 0.0, 0.0)))
+    assert odd_mounting(replace(facts, declared=replace(facts.declared, cameras=cameras))) is None

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, colour_edges, event_edges
+from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, colour_edges, event_edges, events_at_depth_steps
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
 from fedora_qa.estimators.events.shift import (
@@ -26,6 +26,7 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import why_not_one_view
 from fedora_qa.views.depth_edges import DARK_DN, DepthEdges, depth_edges
 from fedora_qa.views.event_camera import intervals_due, resampled_frames
+from fedora_qa.views.event_depth_edges import EventDepthEdges, event_depth_edges, only_depth_locates_events
 from fedora_qa.views.frames import is_large, turn_of
 
 Float64 = NDArray[np.float64]
@@ -73,10 +74,12 @@ class IntervalCorrelations:
     edges: DepthEdges | None
 
 
-class AlignmentEvents(WindowCheck[IntervalCorrelations]):
+class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
     """Do events lie at the pixels where frames change, for any polarity, thresholds and sensor model?
 
-    The shift of events against colour frames, in px of the event camera, to the right and down.
+    The shift of events against colour frames, in px of the event camera, to the right and down. Where frames have
+    another centre or lens than events: the shift of events against the steps of depth, to the right, down and away from
+    the principal point, and the increase of the agreement by a lens that is not declared.
 
     Why it matters
     --------------
@@ -92,19 +95,29 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
     rotations of tens of pixels a frame it comes from other rows. Where depth exists, it determines which camera is
     shifted: a shift must also explain colour against depth, and events against depth.
 
+    A colour camera beside the events has parallax, and one of another lens has other pixels: events are then located by
+    depth alone. Steps of depth are projected into the event camera through both lenses, and the profiles of event
+    counts around them are those of ``alignment.depth``, of the events up to 10 ms before and after a depth frame. The
+    same is done with outlines that further distortions of the third order displace, by up to 64 px at the corners.
+
     Noise model
     -----------
     The size of a step, C, is estimated from the data: the change of all pixels with events over the number of these
     events. Between two events the level has a variance of 2/3 C^2, from which the standard error follows. The spread
     when segments of time are left out in turn is used where it is larger. The model error bound is the lag: a level
     that has risen is above its reference by C/2 on average, so that events lag a constant drift by at most C/2 mean|g|
-    / mean g^2, with g the slope of the level at pixels with events.
+    / mean g^2, with g the slope of the level at pixels with events. Against depth the errors and bounds are those of
+    ``alignment.depth``, and the lag is bounded by 1 / (2 k) px, with k the events of one polarity of a pixel: they have
+    crossed k steps C of an edge that passes within a pixel. The error of an advantage is a jackknife of the difference,
+    in which texture that both share has no part.
 
     Cannot detect
     -------------
     A shift smaller than the lag. A shift of a part of the time or of the image, except in the mean. Shifts beyond
-    fourteen pixels, which leave no correlation. A late stream appears shifted along the mean motion, and is suspected
-    as well.
+    fourteen pixels, which leave no correlation. Against depth: a lens that is wrong by so little that its corners move
+    by less than about eight pixels, except through the mean shift away from the principal point; and a delay over which
+    outlines move by less than the limit of a shift. A late stream appears shifted along the mean motion, and is
+    suspected as well.
 
     Sources
     -------
@@ -117,10 +130,14 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
 
     def not_applicable(self, facts: Facts) -> str:
         """Require both cameras at one place, whose axes differ by 10 deg at most."""
+        if only_depth_locates_events(facts):
+            return ""
         return why_not_one_view(facts, "events", "rgb", rotated=True)
 
-    def measure(self, window: Window) -> IntervalCorrelations | None:
-        """Correlate some intervals of the window."""
+    def measure(self, window: Window) -> IntervalCorrelations | EventDepthEdges | None:
+        """Correlate some intervals of the window, or add up the profiles of events at steps of depth."""
+        if only_depth_locates_events(window.facts):
+            return event_depth_edges(window)
         frames = resampled_frames(window)
         if len(frames) < 2:
             return None
@@ -164,7 +181,14 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
             np.array(auto), np.array(cross), np.array(sums), np.array(slopes), joined(far), depth_edges(window)
         )
 
-    def conclude(self, state: Sequence[IntervalCorrelations], facts: Facts) -> Observation:
+    def conclude(self, state: Sequence[IntervalCorrelations | EventDepthEdges], facts: Facts) -> Observation:
+        """Register the sums of all intervals, or locate the peaks of the profiles."""
+        at_steps = [window for window in state if isinstance(window, EventDepthEdges)]
+        if only_depth_locates_events(facts):
+            return events_at_depth_steps(at_steps, len(facts.clocks["depth"].times_ns))
+        return self._registered([window for window in state if isinstance(window, IntervalCorrelations)], facts)
+
+    def _registered(self, state: Sequence[IntervalCorrelations], facts: Facts) -> Observation:
         """Register the sums of all intervals."""
         intervals = max(len(facts.clocks["rgb"].times_ns) - 1, 0)
         coverage = Coverage(sum(len(window.sums) for window in state), intervals, "frame intervals")

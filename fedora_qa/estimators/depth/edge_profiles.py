@@ -387,6 +387,38 @@ def edge_shift(sums: Float64) -> EdgeShift | None:
     )
 
 
+def peak_fraction_gain(sums: Float64, other: Float64) -> tuple[float, float]:
+    """Return by how much a second peak of the same steps of depth exceeds a first one, and its standard error.
+
+    The difference is taken of both before parts are left out: texture that both share has no effect on it.
+
+    Parameters
+    ----------
+    sums, other
+        (windows, 2, tiles, 2 R + 1) sums of profiles, as those of ``edge_shift``.
+
+    Returns
+    -------
+    tuple
+        Difference of ``EdgeShift.peak_fraction``; both are 0 where fewer than five tiles have steps of depth.
+    """
+    both = np.stack([sums, other])
+    total = both.sum(axis=1)
+    occupied = np.flatnonzero(np.all(total.sum(axis=(1, 3)) > 0, axis=0))
+    if len(occupied) < FEWEST_TILES:
+        return 0.0, 0.0
+    sides, by_window = total.sum(axis=2), both.sum(axis=3)
+    groups = np.array_split(by_window, min(by_window.shape[1], _MOST_GROUPS), axis=1)
+    left_out = (
+        sides[:, np.newaxis] - np.moveaxis(total[:, :, occupied], 2, 1),
+        sides[:, np.newaxis] - np.stack([group.sum(axis=1) for group in groups], axis=1),
+    )
+    errors = [
+        jackknife_errors(np.diff(_peak_fractions(each), axis=0).T)[0] if each.shape[1] > 1 else 0.0 for each in left_out
+    ]
+    return float(np.diff(_peak_fractions(sides))[0]), float(np.linalg.norm(errors))
+
+
 def _shifts_and_leans(sides: Float64, reach: int) -> tuple[Float64, Float64]:
     """Return shifts and leans (...), px, from one profile for each side, (..., 2, 2 R + 1)."""
     # shift = (far + near) / 2, lean = (far - near) / 2: positions of the peaks of both sides.

@@ -328,6 +328,10 @@ class DepthSteps:
     def __len__(self) -> int:
         return len(self.columns)
 
+    def chosen(self, which: NDArray[np.bool_]) -> "DepthSteps":
+        """Return the steps of a mask (n,)."""
+        return DepthSteps(self.columns[which], self.rows[which], self.depths_m[which], self.near_first[which])
+
 
 def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float, every: int = 1) -> DepthSteps:
     """Find the steps of a depth frame along one axis.

@@ -14,6 +14,7 @@ from fedora_qa.estimators.depth.edge_profiles import (
     difference_profiles,
     edge_shift,
     find_peaks,
+    peak_fraction_gain,
     peaks_near,
     root_counts,
     tile_profiles,
@@ -175,6 +176,24 @@ def test_too_few_tiles_tell_nothing() -> None:
     one_tile = np.zeros((3, 2, 16, 25))
     one_tile[:, :, 0] = 1.0
     assert edge_shift(one_tile) is None
+
+
+def test_texture_that_two_peaks_share_is_no_error_of_their_difference() -> None:
+    """Of one peak there is none; of a peak that is blurred everywhere alike, its error is far below that of either."""
+    rng = np.random.default_rng(8)
+    peak = quadratic(np.arange(-RADIUS_PX, RADIUS_PX + 1.0))
+    blurred = np.convolve(peak, np.full(9, 1 / 9), "same")
+    texture = rng.uniform(0.01, 0.1, (4, 2, 16, 1)) * np.ones(len(peak))
+    sharp = texture + peak
+    assert peak_fraction_gain(sharp, sharp) == (0.0, 0.0)
+    gain, error = peak_fraction_gain(texture + blurred, sharp)
+    first, second = edge_shift(texture + blurred), edge_shift(sharp)
+    assert first is not None
+    assert second is not None
+    assert gain == pytest.approx(second.peak_fraction - first.peak_fraction)
+    assert 0 < error < 0.05 * gain
+    few = np.where(np.arange(16)[:, np.newaxis] < 4, sharp, 0.0)
+    assert peak_fraction_gain(few, few) == (0.0, 0.0)
 
 
 def sides(far: np.ndarray, near: np.ndarray) -> EdgeShift:
