@@ -460,8 +460,6 @@ def why_frames_and_events_do_not_meet(facts: Facts, *, axes: Axes = "equal", nee
     cameras, events = facts.declared.cameras, facts.declared.events
     if "rgb" not in cameras or "events" not in cameras:
         return "the cameras rgb and events are not both declared in /metadata/cameras"
-    if needs_response and (events is None or not min(events.threshold_on, events.threshold_off) > 0):
-        return "the event sensor is not declared with positive thresholds in /metadata/events"
     rgb, event = cameras["rgb"], cameras["events"]
     if rgb.model != "pinhole" or event.model != "pinhole":
         return f"Expected pinhole cameras, got {rgb.model} (rgb) and {event.model} (events)"
@@ -471,13 +469,18 @@ def why_frames_and_events_do_not_meet(facts: Facts, *, axes: Axes = "equal", nee
         difference = np.abs(rgb.T_body_camera - event.T_body_camera)
         if not difference[:3, 3].max() <= CENTRES_AGREE_M:
             return (
-                "the cameras rgb and events do not share one centre; the check does not reproject frames through depth"
+                "the cameras rgb and events do not share one centre: parallax displaces each pixel by its depth, and "
+                "the check does not reproject frames through depth"
             )
         turned = rgb.lens is event.lens is None and differ_by_quarters(rgb, event, about=axes == "near")
         if not difference[:3, :3].max() <= AXES_AGREE and not turned:
             return "the optical axes of the cameras rgb and events differ"
     # One lens images a ray at one point of both image planes, so that footprints need K alone.
-    return why_not_one_lens(rgb, event, ("rgb", "events"))
+    if reason := why_not_one_lens(rgb, event, ("rgb", "events")):
+        return reason
+    if needs_response and (events is None or not min(events.threshold_on, events.threshold_off) > 0):
+        return "the event sensor is not declared with positive thresholds in /metadata/events"
+    return ""
 
 
 def _is_without_skew(camera: Camera) -> bool:

@@ -378,6 +378,9 @@ def test_cameras_apart_are_not_applicable(path: Path) -> None:
     log_file().altered(rgb_moved_m=0.1).write(path)
     assert set(outcomes_with_frames(path).values()) == {"not_applicable"}
     assert "one centre" in run_check(path, "event_response.threshold").reason
+    # A declared response would not help, so that its absence is not what a reader is told.
+    log_file().altered(rgb_moved_m=0.1).declaring(model="unknown", threshold_on=0.0).write(path)
+    assert "parallax" in run_check(path, "event_response.threshold").reason
 
 
 def test_saturated_frames_tell_nothing(path: Path) -> None:
