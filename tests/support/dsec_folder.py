@@ -1,8 +1,8 @@
 """A folder laid out like a sequence of DSEC, with content of the reference generator.
 
 Written by hand from what is documented of DSEC (https://dsec.ifi.uzh.ch/data-format), so that an error of the dialect
-is no error of the writer. The lens of the event camera is free of distortion here, and nothing moves by itself: in that
-it is no recording.
+is no error of the writer. The event camera has the lens of the source, and nothing moves by itself: in that it is no
+recording.
 """
 
 from pathlib import Path
@@ -21,7 +21,9 @@ DEPTH_STRIDE = 5
 Array = np.ndarray[Any, Any]
 
 
-def write_dsec_folder(source: Path, folder: Path, baseline_m: float = BASELINE_M) -> Path:
+def write_dsec_folder(
+    source: Path, folder: Path, baseline_m: float = BASELINE_M, depth_stride: int = DEPTH_STRIDE
+) -> Path:
     """Write a canonical file of the generator as a folder of DSEC, and return the folder.
 
     Disparity of 256 px and more does not fit into 16 bits and is invalid: large images need a short baseline.
@@ -32,7 +34,7 @@ def write_dsec_folder(source: Path, folder: Path, baseline_m: float = BASELINE_M
         _events(file, folder / "events/left")
         _images(file, folder / "images")
         _flow(file, folder / "optical_flow")
-        _disparity(file, folder / "disparity", baseline_m)
+        _disparity(file, folder / "disparity", baseline_m, depth_stride)
         cameras = {name: dict(file[f"metadata/cameras/{name}"].attrs) for name in ("rgb", "depth", "events")}
     _calibration(cameras, folder / "calibration/cam_to_cam.yaml", baseline_m)
     return folder
@@ -69,7 +71,12 @@ def _events(file: h5py.File, folder: Path) -> None:
     events, depth = (file[f"metadata/cameras/{name}"].attrs for name in ("events", "depth"))
     width, height = int(events["width"]), int(events["height"])
     pixels = np.dstack(np.meshgrid(np.arange(width), np.arange(height))).reshape(-1, 1, 2).astype(np.float32)
-    rectified = cv2.undistortPoints(pixels, events["K"], np.zeros(4), R=np.eye(3), P=depth["K"])
+    # Its default of five steps is not enough for strong lenses.
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 200, 1e-9)
+    rectified = cv2.undistortPoints(
+        pixels.astype(np.float64), events["K"], _distortion(events), R=_rectifying(events, depth), P=depth["K"],
+        criteria=criteria,
+    )  # fmt: skip
     with h5py.File(folder / "rectify_map.h5", "w") as written:
         written["rectify_map"] = rectified.reshape(height, width, 2).astype(np.float32)
 
@@ -90,15 +97,26 @@ def _flow(file: h5py.File, folder: Path) -> None:
     (folder / "forward_timestamps.txt").write_text("\n".join(lines) + "\n")
 
 
-def _disparity(file: h5py.File, folder: Path, baseline_m: float) -> None:
+def _disparity(file: h5py.File, folder: Path, baseline_m: float, stride: int) -> None:
     focal_px = file["metadata/cameras/depth"].attrs["K"][0, 0]
-    rows = range(0, len(file["path/depth_ts"]), DEPTH_STRIDE)
+    rows = range(0, len(file["path/depth_ts"]), stride)
     for number, row in enumerate(rows):
         depth_m = file["path/depth"][row] / 1000
         disparity = np.rint(np.nan_to_num(256 * focal_px * baseline_m / depth_m, nan=0.0))
         write_png(folder / f"event/{5 * number:06d}.png", np.where(disparity < 65536, disparity, 0).astype(np.uint16))
-    times = file["path/depth_ts"][:][::DEPTH_STRIDE] + T_OFFSET_US
+    times = file["path/depth_ts"][:][::stride] + T_OFFSET_US
     (folder / "timestamps.txt").write_text("".join(f"{time}\n" for time in times))
+
+
+def _distortion(camera: Any) -> Array:
+    """k1, k2, p1, p2 of a camera, all 0 where it has no lens."""
+    return np.array(camera.get("distortion", np.zeros(4)), np.float64)
+
+
+def _rectifying(camera: Any, view: Any) -> Array:
+    """The rotation (3, 3) from a camera to the view that its images are rectified to."""
+    rotation: Array = view["T_body_camera"][:3, :3].T @ camera["T_body_camera"][:3, :3]
+    return rotation
 
 
 def _calibration(cameras: dict[str, dict[str, Any]], path: Path, baseline_m: float) -> None:
@@ -108,7 +126,7 @@ def _calibration(cameras: dict[str, dict[str, Any]], path: Path, baseline_m: flo
         return {
             "camera_matrix": numbers,
             "camera_model": "pinhole",
-            "distortion_coeffs": [0.0, 0.0, 0.0, 0.0],
+            "distortion_coeffs": _distortion(cameras[name]).tolist(),
             "distortion_model": "radtan",
             "resolution": [int(cameras[name]["width"]), int(cameras[name]["height"])],
         }
@@ -120,14 +138,16 @@ def _calibration(cameras: dict[str, dict[str, Any]], path: Path, baseline_m: flo
     T_10[:3, :3] = R_rect1.T
     # Points of the depth camera in the colour camera.
     offset = np.linalg.inv(cameras["rgb"]["T_body_camera"]) @ cameras["depth"]["T_body_camera"]
-    T_10 = T_10 @ offset
+    R_rect0 = np.eye(4)
+    R_rect0[:3, :3] = _rectifying(cameras["events"], cameras["depth"])
+    T_10 = T_10 @ offset @ R_rect0
     focal, cx, cy = (float(cameras["depth"]["K"][place]) for place in ((0, 0), (0, 2), (1, 2)))
     Q = [[1.0, 0, 0, -cx], [0, 1.0, 0, -cy], [0, 0, 0, focal], [0, 0, 1 / baseline_m, 0]]
     document = {
         "intrinsics": {
             "cam0": intrinsics("events"), "camRect0": intrinsics("depth"), "camRect1": intrinsics("rgb"),
         },
-        "extrinsics": {"R_rect0": np.eye(3).tolist(), "R_rect1": R_rect1.tolist(), "T_10": T_10.tolist()},
+        "extrinsics": {"R_rect0": R_rect0[:3, :3].tolist(), "R_rect1": R_rect1.tolist(), "T_10": T_10.tolist()},
         "disparity_to_depth": {"cams_03": Q},
     }  # fmt: skip
     path.write_text(yaml.safe_dump(document), "utf-8")
