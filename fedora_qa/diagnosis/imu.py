@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.imu.agreement import InertialParameter, RepeatsNearby, ResidualSmoothness, UnsettledFit
 from fedora_qa.conventions import NS_PER_US, STANDARD_GRAVITY_M_S2
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis, only_feature, support
-from fedora_qa.diagnosis.pose import axes_cause, defect_hypotheses, noise_hypotheses
+from fedora_qa.diagnosis.pose import SAME_FACTOR, axes_cause, defect_hypotheses, noise_hypotheses
 from fedora_qa.estimators.fitting.grouped_fit import group_of
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.faults.fault import signed_length
@@ -27,7 +27,7 @@ from fedora_qa.views.inertial_agreement import (
     MotionKind,
     OffsetsApart,
 )
-from fedora_qa.views.sample_defects import ClippedSamples, HeldComponent, NoWeight
+from fedora_qa.views.sample_defects import ClippedSamples, HeldComponent, NoiseOfPart, NoWeight
 
 Int64 = NDArray[np.int64]
 
@@ -180,7 +180,18 @@ def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         return (Hypothesis("frozen_frames", "imu", support("imu.repeats_counted"), alarm.statistic.value, "samples"),)
     # A gyro written in deg/s has 180 / pi = 57.3 times its noise in rad/s.
     units = [("unit_deg_rad", degrees(1.0))] if alarm.finding.code == "imu.noise.gyro" else []
-    return noise_hypotheses(alarm, "imu", units)
+    return (*_units_of_part(alarm, units), *noise_hypotheses(alarm, "imu", units))
+
+
+def _units_of_part(alarm: Alarm, units: Sequence[tuple[str, float]]) -> tuple[Hypothesis, ...]:
+    """Return the units of a part of the samples, whose noise is as many times that of the others."""
+    return tuple(
+        Hypothesis(cause, "imu", support("motion.noise_of_unit"), factor, "1")
+        for part in alarm.statistic.features
+        if isinstance(part, NoiseOfPart)
+        for cause, factor in units
+        if abs(part.ratio / factor - 1.0) < SAME_FACTOR
+    )
 
 
 def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:

@@ -30,7 +30,7 @@ from fedora_qa.views.sample_defects import (
     SampleClockOffset,
 )
 
-_SAME_FACTOR = 0.2
+SAME_FACTOR = 0.2
 """Largest relative difference of a ratio of noise from the factor of a unit that counts as that unit: noise is measured
 to a few percent."""
 
@@ -101,7 +101,7 @@ def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Iterable[tuple[str,
     units = (
         Hypothesis(cause, stream, support("motion.noise_of_unit"), factor, "1")
         for cause, factor in unit_causes
-        if abs(ratio / factor - 1.0) < _SAME_FACTOR
+        if abs(ratio / factor - 1.0) < SAME_FACTOR
     )
     return (
         *defects,

@@ -13,14 +13,14 @@ from fedora_qa.conventions import FRD_FROM_FLU, NED_FROM_ENU, NS_PER_US, SAME_AX
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.imu import HALF_TURN
 from fedora_qa.diagnosis.measured_sizes import vector
-from fedora_qa.diagnosis.pose import axes_cause
+from fedora_qa.diagnosis.pose import SAME_FACTOR, axes_cause
 from fedora_qa.estimators.imu.conventions import GravityConvention, InertialConvention, signed_permutations
 from fedora_qa.faults import axes, declarations, gravity, motion, units
 from fedora_qa.faults.fault import Matrix3, RowRange, Sensor, Vector3
 from fedora_qa.geometry import so3
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
-from fedora_qa.views.sample_defects import OTHER_WEIGHT, LoneSamples, NoiseAtTimes
+from fedora_qa.views.sample_defects import OTHER_WEIGHT, LoneSamples, NoiseAtTimes, NoiseOfPart
 
 _SENSORS: Final[Mapping[MotionKind, Sensor]] = {"rotation": "gyro", "translation": "accelerometer"}
 """The sensor that is compared with poses, by the kind of the comparison."""
@@ -154,6 +154,12 @@ def angle_unit(fit: FittedCause) -> Faults:
     for feature, rows in inertial_conventions(fit):
         if rows is not None and feature.convention.rate_unit != 1.0:
             yield units.AngleUnit(feature.convention.rate_unit, rows)
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    for part in dict.fromkeys(feature for feature in features if isinstance(feature, NoiseOfPart)):
+        # Noise is measured to a few percent: the factor is that of the unit.
+        if abs(part.ratio / fit.size - 1.0) < SAME_FACTOR:
+            rows = _rows_between(fit.facts.clocks["imu"].times_ns, part.start_ns, part.stop_ns)
+            yield units.AngleUnit(fit.size, rows)
     yield units.AngleUnit(fit.size)
 
 

@@ -1,6 +1,7 @@
 """Defects of samples that disturb all estimates from them; all checks of such estimates test for them."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import Final, Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from fedora_qa.estimators.imu.curvature import (
 )
 from fedora_qa.estimators.imu.repeated_samples import longest_hold, repeated_samples
 from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, SampledCurve, VectorSamples
-from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level
+from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level, noisiest_part
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
@@ -157,6 +158,23 @@ class HeldComponent(Feature):
     """
 
     count: int
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseOfPart(Feature):
+    """Noise of a part of the samples of a sensor of the IMU, over that of all others.
+
+    Attributes
+    ----------
+    start_ns, stop_ns
+        Times of the first sample of the part, and of the one behind its last; infinite where it reaches the end.
+    ratio
+        Of the noises.
+    """
+
+    start_ns: float
+    stop_ns: float
+    ratio: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,6 +337,15 @@ def held_components(samples: NDArray[np.float64], rounding: float) -> tuple[Held
     """
     runs = (longest_hold(values, rounding=rounding) for values in samples.T)
     return tuple(HeldComponent(run.stop - run.start) for run in runs if run.stop)
+
+
+def noise_of_part(times_ns: NDArray[np.int64], samples: NDArray[np.float64]) -> tuple[NoiseOfPart, ...]:
+    """Return the part of the samples of a sensor, shape (N, 3), that has most noise; nothing where none can be told."""
+    part = noisiest_part(times_ns, VectorSamples(samples), order=NOISE_ORDER)
+    if part is None:
+        return ()
+    first, stop = part.rows
+    return (NoiseOfPart(float(times_ns[first]), inf if stop is None else float(times_ns[stop]), part.ratio),)
 
 
 def clipped_samples(samples: NDArray[np.float64]) -> tuple[Feature, ...]:

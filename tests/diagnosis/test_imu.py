@@ -117,6 +117,18 @@ def test_a_weight_that_was_taken_off_as_a_constant_is_missing(tmp_path: Path, ta
     assert "gravity_missing" not in {diagnosis.cause for diagnosis in record.diagnoses}
 
 
+def test_a_unit_of_a_part_is_named_by_its_noise(tmp_path: Path) -> None:
+    """A gyro that writes deg/s for a while has 57.3 times the noise there: no declaration is wrong, nor all samples."""
+    samples = sample_motion(noise=NOISY)
+    rates = samples.angular_velocities_body_rad_s.copy()
+    first, stop = len(rates) // 5, len(rates) // 2
+    rates[first:stop] = np.degrees(rates[first:stop])
+    file = MotionFile(samples=replace(samples, angular_velocities_body_rad_s=rates), declared=NOISY)
+    record = check_file(file.write(tmp_path / "motion.h5"), CheckOptions(select=("imu", "pose"), evidence=None)).record
+    (cause,) = record.diagnoses
+    assert (cause.cause, cause.stream, cause.status) == ("unit_deg_rad", "imu", "confirmed")
+
+
 def test_samples_end_at_a_limit_where_they_repeat_it_alone() -> None:
     """Rounded samples repeat other values as well; a motion repeats none, and a level flight has one value alone."""
     motion = np.random.default_rng(0).normal(size=(400, 3))

@@ -11,10 +11,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.imu.sampled_curves import SampledCurve, divided_differences
+from fedora_qa.estimators.imu.sampled_curves import SampledCurve, VectorSamples, divided_differences
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
+
+_MOST_BLOCKS: Final = 200
+"""Blocks of differences between which a part with other noise begins and ends: 20,000 parts."""
+
+_FEWEST_BLOCKS: Final = 3
+"""A part, and what lies beside it, of a block each at least."""
 
 _QUANTILE: Final = 0.9
 
@@ -46,6 +52,22 @@ class NoiseLevel:
     standard_error: float
     motion: float
     count: int
+
+
+@dataclass(frozen=True, slots=True)
+class NoisyPart:
+    """Rows of samples whose noise is larger than that of all others.
+
+    Attributes
+    ----------
+    rows
+        First row, and the one behind the last; None: to the end.
+    ratio
+        Noise of these rows over that of the others.
+    """
+
+    rows: tuple[int, int | None]
+    ratio: float
 
 
 def noise_level(times_ns: Int64, curve: SampledCurve, *, order: int) -> NoiseLevel | None:
@@ -108,6 +130,57 @@ def noise_evenness(times_ns: Int64, curve: SampledCurve, *, order: int) -> float
         return 1.0
     between = np.abs(differences[disturbed[0] : disturbed[-1] + 1])
     return float(np.median(between)) / _MEDIAN_SIGMAS / of_tenth
+
+
+def noisiest_part(times_ns: Int64, curve: VectorSamples, *, order: int) -> NoisyPart | None:
+    """Return the part of the samples whose noise differs most from that of all others by one factor, and is larger.
+
+    The noise of a block is the median of its differences, so that a step of the samples where the part begins counts
+    little. Edges of the part are where samples change most, within a block of the best edges of blocks.
+
+    Parameters
+    ----------
+    times_ns, curve, order
+        As of ``noise_level``.
+
+    Returns
+    -------
+    NoisyPart or None
+        None where there are too few samples, or where samples without any noise are among them.
+    """
+    differences = np.abs(divided_differences(times_ns, curve, order))
+    # A difference of order d reads d + 1 samples: a block holds at least one of its own samples alone.
+    size = max(order + 2, -(-len(differences) // _MOST_BLOCKS))
+    count = len(differences) // size
+    # Runs with a gap are left out: rows of differences are then not those of samples.
+    if count < _FEWEST_BLOCKS or len(differences) != len(times_ns) - order:
+        return None
+    sigmas = np.median(differences[: count * size].reshape(count, -1), axis=1) / _MEDIAN_SIGMAS
+    if not np.all(sigmas > 0):
+        return None
+    levels = np.log(sigmas)
+    sums = np.r_[0.0, np.cumsum(levels - levels.mean())]
+    firsts, lasts = np.triu_indices(count + 1, 1)
+    within = lasts - firsts < count
+    firsts, lasts = firsts[within], lasts[within]
+    blocks, excess = lasts - firsts, sums[lasts] - sums[firsts]
+    # Two levels remove this of the squares about one: S^2 (1 / k + 1 / (n - k)), for k of n blocks with the sum S.
+    removed = np.where(excess > 0, excess**2 * (1.0 / blocks + 1.0 / (count - blocks)), 0.0)
+    best = int(np.argmax(removed))
+    first, last = int(firsts[best]), int(lasts[best])
+    ratio = float(np.exp(np.median(levels[first:last]) - np.median(np.r_[levels[:first], levels[last:]])))
+    changes = np.linalg.norm(curve.lagged_differences(1), axis=-1)
+
+    def edge(block: int) -> int:
+        """Return the row at which the part begins or ends: the one before which samples change most nearby."""
+        row = block * size + order // 2
+        nearby = slice(max(row - size, 0), row + size)
+        return nearby.start + int(np.argmax(changes[nearby])) + 1
+
+    return NoisyPart(
+        rows=(edge(first) if first else 0, edge(last) if last < count else None),
+        ratio=ratio,
+    )
 
 
 def _sigma(values: Float64) -> float:

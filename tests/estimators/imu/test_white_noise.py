@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, VectorSamples
-from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level
+from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level, noisiest_part
 from tests.estimators.imu.smooth_motion import TIMES_NS, TIMES_S, polynomial, uneven_ns
 from tests.support.motion_world import RESTLESS
 
@@ -86,3 +86,22 @@ def test_noise_is_in_every_sample_and_jumps_are_not(times_ns: NDArray[np.int64])
     taking_turns = motion + 0.05 * (np.arange(len(motion)) // 26 % 2)[:, np.newaxis]
     assert noise_evenness(times_ns, VectorSamples(taking_turns), order=8) < 0.01
     assert noise_evenness(times_ns[:9], VectorSamples(motion[:9]), order=8) == 1.0
+
+
+@pytest.mark.parametrize("rows", [(0, 200), (191, 416), (300, None)], ids=["begin", "middle", "end"])
+def test_the_part_of_other_noise_is_found_with_its_ratio(rows: tuple[int, int | None]) -> None:
+    """Samples in a larger unit have its factor in their noise, and change most where they begin and end."""
+    samples = RESTLESS.positions_m(TIMES_S) + 0.003 * np.random.default_rng(2).standard_normal((601, 3))
+    samples[slice(*rows)] *= 50.0
+    part = noisiest_part(TIMES_NS, VectorSamples(samples), order=8)
+    assert part is not None
+    assert part.rows == rows
+    assert part.ratio == pytest.approx(50.0, rel=0.2)
+
+
+def test_noise_of_all_samples_has_no_part_that_differs_much() -> None:
+    """Of a hundred draws none has a part of five times the noise; exact samples have none at all."""
+    draws = [0.003 * np.random.default_rng(seed).standard_normal((601, 3)) for seed in range(100)]
+    parts = [noisiest_part(TIMES_NS, VectorSamples(samples), order=8) for samples in draws]
+    assert max(part.ratio for part in parts if part is not None) < 5.0
+    assert noisiest_part(TIMES_NS, VectorSamples(np.zeros((601, 3))), order=8) is None
