@@ -31,6 +31,7 @@ from fedora_qa.diagnosis.conclusion import (
     status_of,
 )
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
+from fedora_qa.diagnosis.filtered_noise import noise_taken
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.joined_findings import joined_hypotheses
 from fedora_qa.diagnosis.measured_sizes import (
@@ -99,6 +100,7 @@ def rank_candidates(
     excluded = COMPARED_BY_FLOW if is_flow_of_a_part(alarms) else frozenset()
     never = {("swapped_frames", "rgb")} if stand_still(alarms) else set()
     by_finding = {alarm.finding.id: alarm for alarm in alarms}
+    taken = noise_taken(alarms, results)
     other_order = support("images.colours_nearer_to_other_order") if is_nearer_to_other_order(results) else 0.0
     large_enough = {
         finding: [
@@ -108,6 +110,9 @@ def rank_candidates(
         ]
         for finding, proposed in hypotheses.items()
     }
+    for each in taken:
+        large_enough = {finding: each.divided(proposed) for finding, proposed in large_enough.items()}
+    of_noise = {(each.cause, each.stream) for each in taken}
     for finding, joined in joined_hypotheses(alarms).items():
         large_enough[finding] = [*large_enough.get(finding, ()), *joined]
     if has_lines_of_frames(results):
@@ -127,9 +132,11 @@ def rank_candidates(
         for candidate in gather_candidates(large_enough, _weights(alarms))
         if stream_family(candidate.stream) not in excluded
         and candidate.key not in never
+        # Neither the grid of the timestamps nor straight lines state what a filter or a smooth curve does to values, and a
+        # label that is wrong is beside values that are in order.
         and (
-            # A label that is wrong is beside values that are in order.
-            any(by_finding[finding].finding.code == _LABEL for finding in candidate.evidence)
+            candidate.key in of_noise
+            or any(by_finding[finding].finding.code == _LABEL for finding in candidate.evidence)
             or not contradicts(candidate.cause, candidate.stream, candidate.size.magnitude, results, places)
         )
     ]

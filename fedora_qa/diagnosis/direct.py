@@ -19,7 +19,7 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "hot_pixels": ("event_stream.rates",),
         "quaternion_not_unit": ("pose.orientation",),
         "teleport": ("pose.continuity", "pose.noise"),
-        "interpolated_pose": ("pose.continuity",),
+        "interpolated_pose": ("pose.continuity", "pose.noise"),
         "noise_misdeclared": ("imu.noise", "pose.noise", "event_response.conservation", "metadata.complete"),
         # A declared number that nothing can have.
         "threshold_misdeclared": ("metadata.complete",),

@@ -1,5 +1,6 @@
 """Defects of samples that disturb all estimates from them; all checks of such estimates test for them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import Final, Literal
@@ -18,7 +19,7 @@ from fedora_qa.estimators.imu.curvature import (
 )
 from fedora_qa.estimators.imu.repeated_samples import longest_hold, repeated_samples
 from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, SampledCurve, VectorSamples
-from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level, noisiest_part
+from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level, noisiest_part, slow_noise
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
@@ -40,6 +41,9 @@ PoseValues = Literal["positions", "orientations"]
 LEAST_EVENNESS: Final = 0.2
 """Least evenness of a sampled motion: the curvature of a smooth motion does not change fivefold within a step, nor does
 the median of noise."""
+
+_ORDER_OF_CUBICS: Final = 4
+"""Order of differences in which cubic curves vanish between their knots."""
 
 _CLIPPED: Final = 0.02
 """Least share of samples at the limit of a sensor for a clip. Float64 samples of a motion repeat none by chance."""
@@ -175,6 +179,41 @@ class NoiseOfPart(Feature):
     start_ns: float
     stop_ns: float
     ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothInterpolation(Feature):
+    """Samples lie on cubic curves between those of a lower rate, whose noise alone they have.
+
+    Attributes
+    ----------
+    stream
+        ``pose``.
+    knot_rate_hz
+        The lower rate, Hz.
+    """
+
+    stream: str
+    knot_rate_hz: float
+
+
+@dataclass(frozen=True, slots=True)
+class FilteredNoise(Feature):
+    """Noise is smaller than declared between neighbours, and larger between samples far apart: it passed a filter.
+
+    Attributes
+    ----------
+    stream
+        ``imu`` or ``pose``.
+    kept
+        Share of the declared variance that samples far apart have, 0 to 1.
+    delay_s
+        Delay of a filter that looks back and keeps that share.
+    """
+
+    stream: str
+    kept: float
+    delay_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,6 +376,51 @@ def held_components(samples: NDArray[np.float64], rounding: float) -> tuple[Held
     """
     runs = (longest_hold(values, rounding=rounding) for values in samples.T)
     return tuple(HeldComponent(run.stop - run.start) for run in runs if run.stop)
+
+
+def filtered_noise(
+    stream: str, times_ns: NDArray[np.int64], curve_of: Callable[[slice], SampledCurve], declared: float
+) -> tuple[FilteredNoise, ...]:
+    """Return what a filter left of the declared noise of a stream; nothing where the noise is white.
+
+    A mean over the last n samples leaves 1 / n of the variance, and is late by (n - 1) / 2 samples. A filter of first
+    order that takes the share a of each new sample leaves a / (2 - a), and is late by (1 - a) / a samples. Of the share
+    v that is left both are late by (1 / v - 1) / 2.
+
+    Parameters
+    ----------
+    stream
+        ``imu`` or ``pose``.
+    times_ns
+        (N,) timestamps, ns.
+    curve_of
+        The samples of some rows.
+    declared
+        Standard deviation of the declared noise, in the unit of the curve.
+    """
+    level = noise_level(times_ns, curve_of(slice(None)), order=NOISE_ORDER)
+    if level is None or not level.sigma < declared:
+        return ()
+    sigma = slow_noise(times_ns, curve_of, order=NOISE_ORDER, declared=declared)
+    if sigma is None:
+        return ()
+    kept = min((sigma / declared) ** 2, 1.0)
+    period_s = float(np.median(np.diff(times_ns))) / NS_PER_S
+    return (FilteredNoise(stream, kept, period_s * (1.0 / kept - 1.0) / 2.0),)
+
+
+def smooth_interpolation(poses: PoseSamples) -> tuple[SmoothInterpolation, ...]:
+    """Return the lower rate between whose poses positions lie on cubic curves; nothing where they lie on none."""
+    positions_m = poses.positions_world_m
+    curves = find_interpolation(
+        poses.times_ns,
+        VectorSamples(positions_m),
+        resolution=stored_resolution(positions_m),
+        order=_ORDER_OF_CUBICS,
+    )
+    if curves is None or not is_interpolated(curves):
+        return ()
+    return (SmoothInterpolation("pose", rate_hz(poses) / curves.stride),)
 
 
 def noise_of_part(times_ns: NDArray[np.int64], samples: NDArray[np.float64]) -> tuple[NoiseOfPart, ...]:

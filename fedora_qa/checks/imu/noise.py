@@ -16,7 +16,7 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, Window
 from fedora_qa.views.motion_samples import NOISE_ORDER, imu_roundings, join_imu, location_of, owned_imu, why_unusable
-from fedora_qa.views.sample_defects import frozen_imu, noise_of_part, timestamp_defects
+from fedora_qa.views.sample_defects import filtered_noise, frozen_imu, noise_of_part, timestamp_defects
 
 Float64 = NDArray[np.float64]
 
@@ -105,11 +105,19 @@ class ImuNoise(WindowCheck[ImuSamples]):
                 noise_against_declared(
                     "gyro", "rad/s", gyro, gyro_sigma, gyro_floor,
                     check="imu.noise", stream="imu",
-                    features=(*of_timestamps, *noise_of_part(imu.times_ns, rates)),
+                    features=(
+                        *of_timestamps,
+                        *noise_of_part(imu.times_ns, rates),
+                        *filtered_noise("imu", imu.times_ns, lambda rows: VectorSamples(rates[rows]), gyro_sigma),
+                    ),
                 ),
                 noise_against_declared(
                     "accelerometer", "m/s^2", accel, accel_sigma, accel_floor,
-                    check="imu.noise", stream="imu", features=of_timestamps,
+                    check="imu.noise", stream="imu",
+                    features=(
+                        *of_timestamps,
+                        *filtered_noise("imu", imu.times_ns, lambda rows: VectorSamples(forces[rows]), accel_sigma),
+                    ),
                 ),
                 repeats,
             ),

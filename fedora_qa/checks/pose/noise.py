@@ -1,10 +1,10 @@
 """The noise of poses compared with its declaration."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from fedora_qa.checks.declared_noise import noise_against_declared, undeclared_noise
 from fedora_qa.checks.protocol import Observation, WindowCheck
-from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, VectorSamples
+from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, SampledCurve, VectorSamples
 from fedora_qa.estimators.imu.white_noise import noise_level
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
@@ -17,7 +17,13 @@ from fedora_qa.views.motion_samples import (
     rotation_floor_rad,
     why_unusable,
 )
-from fedora_qa.views.sample_defects import ExcessNoise, pose_defects
+from fedora_qa.views.sample_defects import (
+    ExcessNoise,
+    NoiseAtTimes,
+    filtered_noise,
+    pose_defects,
+    smooth_interpolation,
+)
 
 
 class PoseNoise(WindowCheck[PoseSamples]):
@@ -38,7 +44,8 @@ class PoseNoise(WindowCheck[PoseSamples]):
     polynomial of degree 7, with even and uneven timestamps, and keep white noise. Differences of rotations are those of
     the vectors Log(q_k^-1 q_j). Sigma is estimated from the 90% quantile of their size, so that a few jumps do not
     change it. Straight lines, frozen poses and timestamps on a coarse grid have the effect of noise; where they are
-    detected, they are named first.
+    detected, they are named first. Where noise is less than declared, that of every second, fourth and eighth pose tells
+    whether it is white: a filter, or curves between poses of a lower rate, take that of neighbours.
 
     Noise model
     -----------
@@ -79,15 +86,27 @@ class PoseNoise(WindowCheck[PoseSamples]):
                 "pose.noise", "pose", {"position": (position, "m"), "rotation": (rotation, "rad")}
             )
             return Observation(coverage, notices=(notice,), inferred=inferred)
+        by_rows: tuple[Callable[[slice], SampledCurve], ...] = (
+            lambda rows: VectorSamples(poses.positions_world_m[rows]),
+            lambda rows: OrientationSamples(poses.orientations_xyzw[rows]),
+        )
+        sigmas = model.position_sigma_m, model.rotation_sigma_rad
+        filtered = [
+            filtered_noise("pose", poses.times_ns, curve_of, sigma)
+            for curve_of, sigma in zip(by_rows, sigmas, strict=True)
+        ]
+        knots = smooth_interpolation(poses) if any(filtered) else ()
         kinds = (
             ("position", "m", position, model.position_sigma_m, position_floor_m(poses)),
             ("rotation", "rad", rotation, model.rotation_sigma_rad, rotation_floor_rad(poses)),
         )
-        # Excess noise is the quantity that is measured here, not a further defect.
-        defects = tuple(
-            feature for feature in pose_defects(facts, poses, model) if not isinstance(feature, ExcessNoise)
-        )
+        # Excess noise is the quantity that is measured here, not a further defect; knots alone are noise at times, too.
+        no_defects = (ExcessNoise, NoiseAtTimes) if knots else ExcessNoise
+        defects = tuple(feature for feature in pose_defects(facts, poses, model) if not isinstance(feature, no_defects))
         return Observation(
             coverage,
-            tuple(noise_against_declared(*kind, check="pose.noise", stream="pose", features=defects) for kind in kinds),
+            tuple(
+                noise_against_declared(*kind, check="pose.noise", stream="pose", features=(*defects, *knots, *of_kind))
+                for kind, of_kind in zip(kinds, filtered, strict=True)
+            ),
         )

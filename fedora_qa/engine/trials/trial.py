@@ -25,6 +25,7 @@ from fedora_qa.diagnosis.vetoes import ClockPlace, contradicts
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
 from fedora_qa.engine.trials.altered import PlainRun, WindowPass, around
+from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.fault import Fault, ReversibleFault
 from fedora_qa.judgement.judge import Alarm, Judged, judge
 from fedora_qa.judgement.materiality import Materiality
@@ -52,6 +53,9 @@ false-alarm rate of 1e-3 there would have to be 1e13 comparisons in place of a h
 
 _OF_SAMPLES: Final = frozenset({"imu", "pose"})
 """Streams of which every window is read in little time."""
+
+_OF_NOISE: Final = ("imu.noise.", "pose.noise.")
+"""Beginnings of the codes of findings that differences of neighbouring samples state."""
 
 _FEWEST_WINDOWS: Final = 16
 """Windows of a short sequence for which trials may work as long as the run of so many would take. The value is not
@@ -124,7 +128,7 @@ class TrialBench:
         trial: UndoTrial | None = None
         inner: WindowPass | None = None
         for count in self._counts():
-            if not self._deviations(count):
+            if not self._deviations(count, fault):
                 continue
             # Half of the work stays for rivals, without which nothing is confirmed.
             if count * len(affected) > self.work.left * (_SHARE_OF_A_FAULT if trial else 1.0):
@@ -135,7 +139,7 @@ class TrialBench:
                 self.work.take(len(spans) * len(affected))
                 of_alarms = [check for check in affected if check.name in failed]
                 part = self.run.judged(of_alarms, spans, prepared)
-                if self._leaves_all(part, count):
+                if self._leaves_all(part, count, fault):
                     trial = self._compared(fault, undoing, part, count)
                     break
                 others = [check for check in affected if check.name not in failed]
@@ -301,7 +305,7 @@ class TrialBench:
         cleared: set[str] = set()
         left: dict[str, float] = {}
         changes: list[DeviationChange] = []
-        for alarm, deviating in self._deviations(count):
+        for alarm, deviating in self._deviations(count, fault):
             after = judged.get(check_of(alarm))
             if after is None or after.outcome in ("crashed", "not_observable"):
                 continue
@@ -343,13 +347,13 @@ class TrialBench:
             ),
         )
 
-    def _leaves_all(self, altered: WindowPass, count: int) -> bool:
+    def _leaves_all(self, altered: WindowPass, count: int, fault: ReversibleFault) -> bool:
         """Whether undoing a fault leaves more than half of each deviation, and twice its limit whatever else is judged.
 
         Limits grow with the number of comparisons in all checks, and are not doubled by any number that occurs.
         """
         judged = _by_check(altered.judged)
-        for alarm, deviating in self._deviations(count):
+        for alarm, deviating in self._deviations(count, fault):
             after = judged.get(check_of(alarm))
             again = None if after is None or after.outcome == "not_observable" else _measurement(after, alarm)
             if again is None or again.limit is None or not again.exceeds_limit:
@@ -365,8 +369,15 @@ class TrialBench:
         self.work.take(len(spans) * len(checks))
         return self.run.judged(checks, spans, prepared, inner)
 
-    def _deviations(self, count: int) -> list[tuple[Alarm, Measurement]]:
-        """Return the findings that the windows of a trial show without the fault undone, with their measurements."""
+    def _deviations(self, count: int, fault: ReversibleFault) -> list[tuple[Alarm, Measurement]]:
+        """Return the findings that the windows of a trial show without the fault undone, with their measurements.
+
+        Without those of which undoing it can show nothing.
+        """
+        shown = self._shown(count)
+        return [each for each in shown if not _is_beyond(fault, each[0].finding.code)]
+
+    def _shown(self, count: int) -> list[tuple[Alarm, Measurement]]:
         if count not in self._plain:
             failed = {check_of(alarm) for alarm in self.alarms}
             planned = self.run.planned(self.run.ready)
@@ -385,6 +396,15 @@ class TrialBench:
             )
             self._plain[count] = [(alarm, m) for alarm, m in pairs if m is not None and m.exceeds_limit]
         return self._plain[count]
+
+
+def _is_beyond(fault: ReversibleFault, code: str) -> bool:
+    """Whether a finding, by its code, is of noise and the fault moves all timestamps of a stream alike.
+
+    That changes no difference of samples, whether the values are late because of a filter or not.
+    """
+    moves_all = isinstance(fault, ClockShift) and fault.rows is fault.while_ns is fault.regular_ns is None
+    return moves_all and code.startswith(_OF_NOISE)
 
 
 def check_of(alarm: Alarm) -> str:

@@ -99,7 +99,7 @@ def lone_samples(times_ns: Int64, curve: SampledCurve) -> tuple[Indices, Float64
 
 
 def find_interpolation(
-    times_ns: Int64, curve: SampledCurve, *, resolution: float, step: float = 0.0
+    times_ns: Int64, curve: SampledCurve, *, resolution: float, step: float = 0.0, order: int = 2
 ) -> CurvatureEvenness | None:
     """Return the stride of 2 to 20 for which samples lie most nearly on straight lines between every stride-th sample.
 
@@ -116,6 +116,9 @@ def find_interpolation(
         To which samples were rounded before they were stored, in the unit of the curve; 0 for none. Rounded samples of
         a steady motion are straight for as long as they keep their step, and bend by it: strides of no larger bends
         are left out.
+    order
+        Of the differences that stand for the curvature: 2 for straight lines; 4 for cubic curves, whose third
+        derivative alone jumps, at their knots.
 
     Returns
     -------
@@ -123,13 +126,13 @@ def find_interpolation(
         The least even one, for equal evenness that of the smallest stride; None where there is no curvature to
         compare.
     """
-    bends = np.linalg.norm(divided_differences(times_ns, curve, 2), axis=-1)
-    order = np.argsort(bends, kind="stable")
-    ranked = bends[order]
+    bends = np.linalg.norm(divided_differences(times_ns, curve, order), axis=-1)
+    by_size = np.argsort(bends, kind="stable")
+    ranked = bends[by_size]
     candidates = []
     for stride in range(2, min(_LARGEST_STRIDE, len(bends) // _FEWEST_PERIODS) + 1):
         # The bends are sorted once. The members of a phase, in order of rank, have their median in the middle.
-        phases = (order % stride).astype(np.uint8)
+        phases = (by_size % stride).astype(np.uint8)
         by_phase, counts = np.argsort(phases, kind="stable"), np.bincount(phases)
         for ranks in np.split(by_phase, np.cumsum(counts)[:-1]):
             at_knots = _mean_of_two(ranked[ranks[_median_ranks(len(ranks))]])

@@ -4,8 +4,9 @@ What remains of the motion is bounded: a filter of a lower degree passes more of
 the bound.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from math import comb
+from math import comb, hypot, sqrt
 from typing import Final
 
 import numpy as np
@@ -21,6 +22,10 @@ _MOST_BLOCKS: Final = 200
 
 _FEWEST_BLOCKS: Final = 3
 """A part, and what lies beside it, of a block each at least."""
+
+_SIGMAS: Final = 5.0
+"""Standard errors by which noise at a distance exceeds that of neighbours where it is not white: of a few distances in
+a million files white noise exceeds them once."""
 
 _QUANTILE: Final = 0.9
 
@@ -130,6 +135,48 @@ def noise_evenness(times_ns: Int64, curve: SampledCurve, *, order: int) -> float
         return 1.0
     between = np.abs(differences[disturbed[0] : disturbed[-1] + 1])
     return float(np.median(between)) / _MEDIAN_SIGMAS / of_tenth
+
+
+def slow_noise(
+    times_ns: Int64, curve_of: Callable[[slice], SampledCurve], *, order: int, declared: float
+) -> float | None:
+    """Return the noise of samples far apart, where that of neighbours is smaller: it has passed a filter.
+
+    White noise is the same for every sample as for every n-th one. A mean over n samples takes the fast noise, and
+    leaves ``1 / sqrt(n)`` of each sample, which every n-th one shows.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) timestamps, ns, strictly increasing.
+    curve_of
+        The samples of some rows.
+    order
+        Of the differences, as of ``noise_level``.
+    declared
+        Standard deviation of the noise before the filter.
+
+    Returns
+    -------
+    float or None
+        At the largest distance at which it exceeds that of neighbours, in the unit of the curve; None where noise is
+        white, or less at every distance than half of what a mean over it leaves of the declared one.
+    """
+    of_all = noise_level(times_ns, curve_of(slice(None)), order=order)
+    if of_all is None or not of_all.sigma > 0:
+        return None
+    relative_error, found, stride = of_all.standard_error / of_all.sigma, None, 2
+    while len(times_ns) // stride > 2 * order:
+        rows = [slice(first, None, stride) for first in range(stride)]
+        levels = [noise_level(times_ns[part], curve_of(part), order=order) for part in rows]
+        sigmas = [level.sigma - level.motion for level in levels if level is not None]
+        sigma = float(np.mean(sigmas)) if sigmas else 0.0
+        # The phases have about as many differences together as all samples, and so the same relative error.
+        error = relative_error * hypot(sigma, of_all.sigma)
+        if sigma - of_all.sigma > _SIGMAS * error and sigma > declared / (2.0 * sqrt(stride)):
+            found = sigma
+        stride *= 2
+    return found
 
 
 def noisiest_part(times_ns: Int64, curve: VectorSamples, *, order: int) -> NoisyPart | None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, VectorSamples
-from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level, noisiest_part
+from fedora_qa.estimators.imu.white_noise import noise_evenness, noise_level, noisiest_part, slow_noise
 from tests.estimators.imu.smooth_motion import TIMES_NS, TIMES_S, polynomial, uneven_ns
 from tests.support.motion_world import RESTLESS
 
@@ -105,3 +105,18 @@ def test_noise_of_all_samples_has_no_part_that_differs_much() -> None:
     parts = [noisiest_part(TIMES_NS, VectorSamples(samples), order=8) for samples in draws]
     assert max(part.ratio for part in parts if part is not None) < 5.0
     assert noisiest_part(TIMES_NS, VectorSamples(np.zeros((601, 3))), order=8) is None
+
+
+def test_noise_behind_a_filter_is_larger_between_samples_far_apart() -> None:
+    """A mean over nine samples leaves a third of each; white noise of any size is no filtered one, nor is a motion."""
+    noise = 0.003 * np.random.default_rng(4).standard_normal((609, 3))
+    motion = RESTLESS.positions_m(TIMES_S)
+    means = motion + np.stack([np.convolve(axis, np.full(9, 1 / 9), mode="valid") for axis in noise.T], axis=1)
+
+    def slow(samples: NDArray[np.float64], declared: float) -> float | None:
+        return slow_noise(TIMES_NS, lambda rows: VectorSamples(samples[rows]), order=8, declared=declared)
+
+    assert slow(means, 0.003) == pytest.approx(0.001, rel=0.3)
+    for declared in (0.003, 0.03):
+        assert slow(motion + noise[:601], declared) is None
+        assert slow(motion, declared) is None
