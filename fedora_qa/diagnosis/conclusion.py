@@ -122,6 +122,9 @@ class UndoTrial:
         findings.
     windows
         Number of windows that were measured.
+    revealed
+        Codes of ``caused`` whose deviations the checks could not have shown without the trial: another fault may have
+        been hidden.
     crashed
         Checks that failed themselves under it.
     size
@@ -149,6 +152,7 @@ class UndoTrial:
     deviations: tuple[DeviationChange, ...] = ()
     observations: Mapping[str, tuple[Observation, Observation]] = field(default_factory=dict)
     agreeing: frozenset[str] = frozenset()
+    revealed: frozenset[str] = frozenset()
 
     @property
     def succeeds(self) -> bool:
@@ -186,9 +190,13 @@ class UndoTrial:
 
     @property
     def balance(self) -> tuple[int, float]:
-        """Findings cleared less those caused, 0 where none is cleared; and the mean ratio of what is left, negative."""
+        """Findings cleared less those caused, 0 where none is cleared; and the mean ratio of what is left, negative.
+
+        What the trial has only revealed does not count.
+        """
         ratios = [min(abs(ratio), 1.0) for ratio in self.left.values()]
-        net = len(self.cleared) - len(self.caused) - len(self.crashed) if self.cleared else 0
+        caused = sum(code not in self.revealed for code in self.caused)
+        net = len(self.cleared) - caused - len(self.crashed) if self.cleared else 0
         return net, -sum(ratios) / max(len(ratios), 1)
 
     def surpasses(self, other: "UndoTrial") -> bool:

@@ -60,7 +60,7 @@ z, w are alike: ``(z, w, x, y) = -i q k^-1``, so that the body is turned about Z
 _ALL: Final = 0.98
 """Least share of the residuals that a constant explains where it is the cause. The value is not derived."""
 
-_STEADY: Final = 0.9
+STEADY: Final = 0.9
 """Least length of the mean specific force over its rms length for a weight. The value is not derived: a flight whose
 force turns or varies by half of it has 0.87."""
 
@@ -288,7 +288,7 @@ def _weight_taken_off(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
 
     A weight in a larger unit is as steady as any, and one that turns with the body is explained by no bias.
     """
-    is_light = any(isinstance(f, NoWeight) and f.ratio < 1 and f.steadiness < _STEADY for f in features)
+    is_light = any(isinstance(f, NoWeight) and f.ratio < 1 and f.steadiness < STEADY for f in features)
     by_bias = max((f.explained.get("bias", 0.0) for f in features if isinstance(f, InertialParameter)), default=0.0)
     if not is_light or by_bias < _ALL:
         return ()

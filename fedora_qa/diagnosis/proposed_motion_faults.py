@@ -11,7 +11,7 @@ from fedora_qa.checks.imu.agreement import InertialParameter
 from fedora_qa.checks.pose.continuity import DisplacedPositions, PairedSteps, PartBetweenJumps, PoseTransform
 from fedora_qa.conventions import FRD_FROM_FLU, NED_FROM_ENU, NS_PER_US, SAME_AXES
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
-from fedora_qa.diagnosis.imu import HALF_TURN
+from fedora_qa.diagnosis.imu import HALF_TURN, STEADY
 from fedora_qa.diagnosis.measured_sizes import vector
 from fedora_qa.diagnosis.pose import SAME_FACTOR, axes_cause
 from fedora_qa.estimators.imu.conventions import GravityConvention, InertialConvention, signed_permutations
@@ -19,7 +19,13 @@ from fedora_qa.faults import axes, declarations, gravity, motion, units
 from fedora_qa.faults.fault import Matrix3, RowRange, Sensor, Vector3
 from fedora_qa.geometry import so3
 from fedora_qa.sequence.declared import ImuModel
-from fedora_qa.views.inertial_agreement import BiasOfPart, DriftingBias, InertialConventionTrial, MotionKind
+from fedora_qa.views.inertial_agreement import (
+    BiasOfPart,
+    ConstantForce,
+    DriftingBias,
+    InertialConventionTrial,
+    MotionKind,
+)
 from fedora_qa.views.sample_defects import OTHER_WEIGHT, LoneSamples, NoiseAtTimes, NoiseOfPart
 
 _SENSORS: Final[Mapping[MotionKind, Sensor]] = {"rotation": "gyro", "translation": "accelerometer"}
@@ -199,10 +205,14 @@ def missing_gravity(fit: FittedCause) -> Faults:
     yield gravity.GravityError("gravity_missing")
     yield gravity.GravityAlongBody()
     declared_m_s2 = (fit.facts.declared.imu or ImuModel()).gravity
-    for bias in _vectors(fit, "translation", "bias"):
+    features = (feature for alarm in fit.alarms for feature in alarm.statistic.features)
+    forces = (feature for feature in features if isinstance(feature, ConstantForce) and feature.steadiness < STEADY)
+    constants = dict.fromkeys(force.lacking_m_s2 for force in forces)
+    biases = _vectors(fit, "translation", "bias")
+    for lacking in (*constants, *((-x, -y, -z) for x, y, z in biases)):
         # No sensor has a bias of its weight: that is what was taken off, such as the mean of all samples.
-        if abs(hypot(*bias) / declared_m_s2 - 1.0) < 1.0 / OTHER_WEIGHT:
-            yield gravity.GravityAlongBody((-bias[0], -bias[1], -bias[2]))
+        if abs(hypot(*lacking) / declared_m_s2 - 1.0) < 1.0 / OTHER_WEIGHT:
+            yield gravity.GravityAlongBody(lacking)
 
 
 def reversed_gravity(fit: FittedCause) -> Faults:

@@ -114,6 +114,22 @@ class BiasOfPart(Feature):
 
 
 @dataclass(frozen=True, slots=True)
+class ConstantForce(Feature):
+    """The constant that specific forces lack, where it explains as much as missing gravity or more.
+
+    Attributes
+    ----------
+    lacking_m_s2
+        Along the axes of the sensor.
+    steadiness
+        Of what is left, as of ``NoWeight``: near 1 for a weight in another unit.
+    """
+
+    lacking_m_s2: tuple[float, float, float]
+    steadiness: float
+
+
+@dataclass(frozen=True, slots=True)
 class GainOfPart(Feature):
     """Another gain of the gyro in a part of the sequence, which removes more of the residuals than any bias of a part.
 

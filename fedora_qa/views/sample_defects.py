@@ -453,9 +453,14 @@ def weightless(forces_m_s2: NDArray[np.float64], gravity_m_s2: float) -> tuple[F
     ratio = float(np.median(np.linalg.norm(forces_m_s2, axis=1))) / gravity_m_s2 if gravity_m_s2 > 0 else 1.0
     if 1 / OTHER_WEIGHT < ratio < OTHER_WEIGHT:
         return ()
+    return (NoWeight(ratio, steadiness_of(forces_m_s2)),)
+
+
+def steadiness_of(forces_m_s2: NDArray[np.float64]) -> float:
+    """Return the length of the mean specific force over the rms length, of forces of shape (N, 3)."""
     rms_m_s2 = float(np.sqrt(np.mean(np.sum(np.square(forces_m_s2), axis=1))))
     mean_m_s2 = float(np.linalg.norm(np.mean(forces_m_s2, axis=0)))
-    return (NoWeight(ratio, mean_m_s2 / rms_m_s2 if rms_m_s2 > 0 else 0.0),)
+    return mean_m_s2 / rms_m_s2 if rms_m_s2 > 0 else 0.0
 
 
 def lone_poses(poses: PoseSamples) -> LoneSamples | None:

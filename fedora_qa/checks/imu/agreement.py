@@ -18,6 +18,7 @@ from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import (
     BiasOfPart,
+    ConstantForce,
     DriftingBias,
     GainOfPart,
     InertialConventionTrial,
@@ -37,6 +38,7 @@ from fedora_qa.views.sample_defects import (
     held_components,
     held_imu,
     pose_defects,
+    steadiness_of,
     timestamp_defects,
     weightless,
 )
@@ -197,7 +199,9 @@ def agreement_observation(
     trial = convention_trial(streams, kind, fit)
     # Under a wrong convention the fitted parameters do not measure small faults.
     if trial is not None and trial.is_certain:
-        return Observation(coverage, (_disagreement(facts, streams, kind, trial),))
+        forces = streams.imu.specific_forces_body_m_s2
+        constants = _lacking_constants(fit, trial, steadiness_of(forces))
+        return Observation(coverage, (_disagreement(facts, streams, kind, trial, constants),))
     samples = streams.imu.angular_velocities_body_rad_s if kind == "rotation" else streams.imu.specific_forces_body_m_s2
     rounding = imu_roundings(streams.imu)[0 if kind == "rotation" else 1]
     defects: tuple[Feature, ...] = (
@@ -287,8 +291,28 @@ def agreement_observation(
     )
 
 
+def _lacking_constants(
+    fit: InertialFit, trial: InertialConventionTrial, steadiness: float
+) -> tuple[ConstantForce, ...]:
+    """Return the constant that was taken off specific forces instead of gravity; nothing where none was.
+
+    A body whose attitude hardly changes agrees without gravity, too, but for what its turns make of the constant.
+    """
+    if trial.convention.gravity != "missing" or trial.interval_s is not None:
+        return ()
+    bias = [fit.parameters[f"bias_{axis}"] for axis in "xyz"]
+    if not all(parameter.free for parameter in bias):
+        return ()
+    x, y, z = (-parameter.value for parameter in bias)
+    return (ConstantForce((x, y, z), steadiness),)
+
+
 def _disagreement(
-    facts: Facts, streams: InertialStreams, kind: MotionKind, trial: InertialConventionTrial
+    facts: Facts,
+    streams: InertialStreams,
+    kind: MotionKind,
+    trial: InertialConventionTrial,
+    further: tuple[Feature, ...] = (),
 ) -> Statistic:
     """Return the disagreement of the streams as declared, and the convention under which they agree."""
     where, when = Where(stream="imu"), ""
@@ -331,7 +355,7 @@ def _disagreement(
         code=f"imu.{kind}.disagreement",
         where=where,
         severity="critical",
-        features=(trial,),
+        features=(trial, *further),
     )
 
 

@@ -9,7 +9,7 @@ itself measured, or one of a few more windows would, never by the clock, so that
 machine.
 """
 
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import inf, isfinite, nan
@@ -173,7 +173,17 @@ class TrialBench:
         judged = _by_check(self.run.judged(of_samples, planned, prepared).judged)
         exceeded = {_rule(m) for result in self.run.strict.values() for m in _exceeding(result)}
         caused = {_rule(m) for result in judged.values() for m in _exceeding(result)} - exceeded
-        return replace(trial, caused=tuple(sorted({code for code, _ in caused})))
+        codes = tuple(sorted({code for code, _ in caused}))
+        return replace(trial, caused=codes, revealed=self._revealed(judged, codes))
+
+    def _revealed(self, judged: Mapping[str, Result], caused: Collection[str]) -> frozenset[str]:
+        """Return the codes among those that a trial caused whose deviations the plain run could not have shown."""
+        return frozenset(
+            m.code
+            for check, result in judged.items()
+            for m in _exceeding(result)
+            if m.code in caused and _would_hide(self.run.strict.get(check), m)
+        )
 
     def without(self, fault: ReversibleFault, materiality: Materiality) -> "TrialBench | None":
         """Return the bench of the sequence with a fault undone in all windows, and the work that is left.
@@ -345,6 +355,7 @@ class TrialBench:
                 and (before := self.run.strict.get(check)) is not None
                 and before.outcome == "not_observable"
             ),
+            revealed=self._revealed(judged, {code for code, _ in caused}),
         )
 
     def _leaves_all(self, altered: WindowPass, count: int, fault: ReversibleFault) -> bool:
@@ -420,6 +431,14 @@ def _rule(measurement: Measurement) -> tuple[str, str]:
     """Return the code of a measurement, and its rate of flow: each rate keeps the rule, or breaks it, by itself."""
     rate = measurement.name.partition(" ")[0]
     return measurement.code, rate if is_flow_stream(rate) else ""
+
+
+def _would_hide(result: Result | None, again: Measurement) -> bool:
+    """Whether a result of the plain run could not have shown a deviation of this size."""
+    if result is None or result.outcome == "not_observable":
+        return True
+    before = next((m for m in result.measurements if (m.name, m.code) == (again.name, again.code)), None)
+    return before is not None and before.limit is not None and abs(_deviation(again)) <= before.limit
 
 
 def _measurement(result: Result, alarm: Alarm) -> Measurement | None:
