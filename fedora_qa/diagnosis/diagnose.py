@@ -33,7 +33,7 @@ from fedora_qa.diagnosis.conclusion import (
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
 from fedora_qa.diagnosis.filtered_noise import noise_taken
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
-from fedora_qa.diagnosis.joined_findings import joined_hypotheses
+from fedora_qa.diagnosis.joined_findings import are_of_two_bodies, joined_hypotheses
 from fedora_qa.diagnosis.measured_sizes import (
     Results,
     begin_and_end_with_frames,
@@ -132,12 +132,19 @@ def rank_candidates(
         for candidate in gather_candidates(large_enough, _weights(alarms))
         if stream_family(candidate.stream) not in excluded
         and candidate.key not in never
-        # Neither the grid of the timestamps nor straight lines state what a filter or a smooth curve does to values, and a
+        # Neither the grid of the timestamps nor straight lines state what a filter or a smooth curve does to values. A
         # label that is wrong is beside values that are in order.
         and (
             candidate.key in of_noise
             or any(by_finding[finding].finding.code == _LABEL for finding in candidate.evidence)
-            or not contradicts(candidate.cause, candidate.stream, candidate.size.magnitude, results, places)
+            or not contradicts(
+                candidate.cause,
+                candidate.stream,
+                candidate.size.magnitude,
+                results,
+                places,
+                of_two_bodies=are_of_two_bodies(alarms),
+            )
         )
     ]
     return sorted(candidates, key=lambda candidate: -candidate.total_support)

@@ -6,7 +6,11 @@ from typing import Final
 from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
 from fedora_qa.checks.images.exposure import BrightnessJump
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
+from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.judgement.judge import Alarm
+from fedora_qa.views.inertial_agreement import InertialConventionTrial
+
+_DECLARED: Final = InertialConvention()
 
 _NEARLY_BLACK_PERCENT: Final = -90.0
 """Change of brightness from which a frame of 8 bits shows no motion: 25 of 255 levels are left for all of the scene,
@@ -18,7 +22,8 @@ def joined_hypotheses(alarms: Sequence[Alarm]) -> Mapping[str, tuple[Hypothesis,
 
     Frames that are nearly black show no motion: what ``images.order`` finds of them is the exposure. Flow that is
     absent where depth is valid, and nowhere else wrong, was made of a depth without these values; where the depth
-    contradicts itself as well, it has values that are none.
+    contradicts itself as well, it has values that are none. IMU and poses that agree in rates under the attitudes of
+    one body, and in forces under those of another, agree by chance: they are of two motions.
 
     Parameters
     ----------
@@ -36,4 +41,31 @@ def joined_hypotheses(alarms: Sequence[Alarm]) -> Mapping[str, tuple[Hypothesis,
         filled = Hypothesis("invalid_encoding", "depth", support("depth.values_without_flow"))
         of_values = (alarm for alarm in alarms if alarm.finding.code == "flow_geometry.validity.missing")
         joined |= {alarm.finding.id: (filled,) for alarm in (*of_pairs, *of_values)}
+    if are_of_two_bodies(alarms):
+        apart = tuple(Hypothesis("other_sequence", stream, support("imu.two_bodies")) for stream in ("imu", "pose"))
+        of_bodies = (alarm for alarm in alarms if alarm.finding.code.endswith(".disagreement"))
+        joined |= {alarm.finding.id: apart for alarm in of_bodies}
     return joined
+
+
+def are_of_two_bodies(alarms: Sequence[Alarm]) -> bool:
+    """Whether rates and forces of the whole file agree with poses under attitudes that no one body has.
+
+    Parameters
+    ----------
+    alarms
+        Of one file.
+    """
+    of_kind = {
+        trial.kind: trial.convention
+        for alarm in alarms
+        if alarm.finding.code.endswith(".disagreement")
+        for trial in alarm.statistic.features
+        if isinstance(trial, InertialConventionTrial) and trial.interval_s is None
+    }
+    # One sensor alone may have other axes, or another unit: attitudes of another body are those of both.
+    states_attitudes = all(
+        convention.quaternions != _DECLARED.quaternions or convention.sensor_axes != _DECLARED.sensor_axes
+        for convention in of_kind.values()
+    )
+    return len(of_kind) == 2 and states_attitudes and not of_kind["translation"].turns_as(of_kind["rotation"])

@@ -249,7 +249,13 @@ def _coincide(first_ns: NDArray[np.int64], second_ns: NDArray[np.int64]) -> bool
 
 
 def contradicts(
-    cause: str, stream: str, magnitude: float | None, results: Results, places: Mapping[str, ClockPlace]
+    cause: str,
+    stream: str,
+    magnitude: float | None,
+    results: Results,
+    places: Mapping[str, ClockPlace],
+    *,
+    of_two_bodies: bool = False,
 ) -> bool:
     """Whether a measurement that is in order contradicts a cause.
 
@@ -261,10 +267,12 @@ def contradicts(
         Of the file, by check, judged by the limits alone.
     places
         Of the clocks.
+    of_two_bodies
+        Whether rates and forces of the IMU agree with poses of two bodies, and so with none.
     """
     family = stream_family(stream)
     if cause == "other_sequence":
-        return _is_of_this_sequence(family, magnitude, results)
+        return _is_of_this_sequence(family, magnitude, results, of_two_bodies=of_two_bodies)
     offset_ms = magnitude if cause == "time_offset" else None
     is_off_grid = cause in ("time_offset", "clock_rate") and family in places and places[family].excludes(offset_ms)
     # Flow of another time under timestamps that are right is late, whatever grid these lie on.
@@ -360,7 +368,7 @@ def disturbs_too_few(hypothesis: Hypothesis, alarm: Alarm, results: Results) -> 
     return repeats is not None and bool(repeats.value) and 2 * (repeats.value or 0.0) < violations[0].pixels
 
 
-def _is_of_this_sequence(family: str, magnitude: float | None, results: Results) -> bool:
+def _is_of_this_sequence(family: str, magnitude: float | None, results: Results, *, of_two_bodies: bool) -> bool:
     """Whether a stream correlates with others, or deviates for a reason that another sequence has not."""
     of_frames = family in ("rgb", "events")
     of_a_while = magnitude is not None and _follow_beside(magnitude, results.get("event_response.orientation"))
@@ -368,7 +376,7 @@ def _is_of_this_sequence(family: str, magnitude: float | None, results: Results)
     while_apart = of_frames and (of_a_while or _failed(results.get("event_response.frames")))
     correlates = any(_passed(results.get(check)) for check in _CORRELATED.get(family, ()) if not while_apart)
     if family in ("imu", "pose"):
-        correlates |= _turns_alike(results.get("imu.rotation")) or _agrees_otherwise(results)
+        correlates |= _turns_alike(results.get("imu.rotation")) or (not of_two_bodies and _agrees_otherwise(results))
     if family == "flow":
         correlates |= flow_offset_ms(results) is not None
     if family == "rgb" and of_a_while:

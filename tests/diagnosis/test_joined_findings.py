@@ -6,10 +6,14 @@ from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
 from fedora_qa.checks.images.exposure import BrightnessJump
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.joined_findings import joined_hypotheses
+from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
+from fedora_qa.views.inertial_agreement import InertialConventionTrial
 from tests.support.proposals import named
+
+BACKWARDS = ((-1, 0, 0), (0, -1, 0), (0, 0, 1))
 
 
 def alarm(finding: str, code: str, *features: Feature) -> Alarm:
@@ -44,3 +48,24 @@ def test_depth_without_flow_that_contradicts_itself_is_none(unfounded: int, code
     joined = joined_hypotheses([missing, alarm("F2", code)])
     assert sorted(joined) == ["F1", "F2"] * is_filled
     assert all(named(each) == [("invalid_encoding", "depth")] for each in joined.values())
+
+
+@pytest.mark.parametrize(
+    ("of_rates", "of_forces", "is_apart"),
+    [
+        (InertialConvention("inverse"), InertialConvention("inverse"), False),
+        (InertialConvention("inverse"), InertialConvention("wxyz"), True),
+        (InertialConvention(sensor_axes=BACKWARDS), InertialConvention("inverse"), True),
+        # One sensor is in another unit.
+        (InertialConvention(rate_unit=57.3), InertialConvention("inverse"), False),
+    ],
+)
+def test_rates_and_forces_of_two_bodies_are_of_another_motion(
+    of_rates: InertialConvention, of_forces: InertialConvention, is_apart: bool
+) -> None:
+    """Attitudes of one body are those of both; under those of two bodies they agree by chance."""
+    rates = alarm("F1", "imu.rotation.disagreement", InertialConventionTrial(of_rates))
+    forces = alarm("F2", "imu.translation.disagreement", InertialConventionTrial(of_forces, kind="translation"))
+    joined = joined_hypotheses([rates, forces])
+    assert sorted(joined) == ["F1", "F2"] * is_apart
+    assert all(named(each) == [("other_sequence", "imu"), ("other_sequence", "pose")] for each in joined.values())
