@@ -385,8 +385,7 @@ class TrialBench:
 
         Without those of which undoing it can show nothing.
         """
-        shown = self._shown(count)
-        return [each for each in shown if not _is_beyond(fault, each[0].finding.code)]
+        return [each for each in self._shown(count) if not _is_beyond(fault, each[0].finding.code)]
 
     def _shown(self, count: int) -> list[tuple[Alarm, Measurement]]:
         if count not in self._plain:

@@ -165,7 +165,7 @@ def slow_noise(
     of_all = noise_level(times_ns, curve_of(slice(None)), order=order)
     if of_all is None or not of_all.sigma > 0:
         return None
-    relative_error, found, stride = of_all.standard_error / of_all.sigma, None, 2
+    relative_error, far_apart, stride = of_all.standard_error / of_all.sigma, None, 2
     while len(times_ns) // stride > 2 * order:
         rows = [slice(first, None, stride) for first in range(stride)]
         levels = [noise_level(times_ns[part], curve_of(part), order=order) for part in rows]
@@ -174,9 +174,9 @@ def slow_noise(
         # The phases have about as many differences together as all samples, and so the same relative error.
         error = relative_error * hypot(sigma, of_all.sigma)
         if sigma - of_all.sigma > _SIGMAS * error and sigma > declared / (2.0 * sqrt(stride)):
-            found = sigma
+            far_apart = sigma
         stride *= 2
-    return found
+    return far_apart
 
 
 def noisiest_part(times_ns: Int64, curve: VectorSamples, *, order: int) -> NoisyPart | None:
