@@ -44,8 +44,8 @@ class PoseNoise(WindowCheck[PoseSamples]):
     polynomial of degree 7, with even and uneven timestamps, and keep white noise. Differences of rotations are those of
     the vectors Log(q_k^-1 q_j). Sigma is estimated from the 90% quantile of their size, so that a few jumps do not
     change it. Straight lines, frozen poses and timestamps on a coarse grid have the effect of noise; where they are
-    detected, they are named first. Where noise is less than declared, that of every second, fourth and eighth pose tells
-    whether it is white: a filter, or curves between poses of a lower rate, take that of neighbours.
+    detected, they are named first. Where noise is less than declared, that of every second, fourth and eighth pose
+    tells whether it is white: a filter, or curves between poses of a lower rate, take that of neighbours.
 
     Noise model
     -----------
