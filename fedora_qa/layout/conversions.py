@@ -21,6 +21,7 @@ ConversionName = Literal[
     "disparity",
     "disparity16",
     "matrix4",
+    "position_quaternion",
     "until_next",
     "turned",
     "event_not_before",
@@ -95,7 +96,36 @@ def converted(raw: NDArray[Any], key: str, conversion: Conversion) -> NDArray[An
         return np.asarray(raw.astype(np.float64) @ np.asarray(conversion.R_body_sensor).T)
     if conversion.name == "matrix4":
         return _part_of_pose(raw.astype(np.float64), key, conversion)
+    if conversion.name == "position_quaternion":
+        matrices, lengths = transformations(raw.astype(np.float64))
+        part = _part_of_pose(matrices, key, conversion)
+        # What is not unit is not taken for a rotation.
+        return part if key.endswith("position") else part * lengths[:, np.newaxis]
     return raw
+
+
+def transformations(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return transformations (n, 4, 4), and the lengths (n) of the quaternions that they were made of.
+
+    Parameters
+    ----------
+    poses
+        (n, 7) positions, and quaternions x, y, z, w of any length; one of length 0 gives NaN.
+    """
+    x, y, z, w = quaternions = poses[:, 3:].T
+    lengths = np.linalg.norm(quaternions, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y, z, w = quaternions / lengths
+    matrices = np.tile(np.eye(4), (len(poses), 1, 1))
+    # R = I + 2 w [v]x + 2 [v]x^2 for a unit quaternion (v, w)
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+    )
+    matrices[:, :3, :3] = np.moveaxis(np.array(rows), -1, 0)
+    matrices[:, :3, 3] = poses[:, :3]
+    return matrices, lengths
 
 
 def intervals(instants: NDArray[Any]) -> NDArray[Any]:

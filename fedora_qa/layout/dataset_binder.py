@@ -267,7 +267,7 @@ class DatasetBinder:
         if not place.convert and place.invalid is None:
             return None
         conversion = Conversion(place.convert, place.invert, place.invalid)
-        if place.convert == "matrix4":
+        if place.convert in {"matrix4", "position_quaternion"}:
             return replace(conversion, T_posed_body=self._posed_body())
         if place.convert == "turned":
             return replace(conversion, R_body_sensor=self._body_imu())
@@ -332,9 +332,12 @@ class DatasetBinder:
 
 def _columns(spec: DatasetSpec, place: DatasetPlace) -> tuple[int, ...] | None:
     """Return which stored entries are read, in canonical order; None: all as they are."""
+    order = QUATERNION_COLUMNS[place.quaternion]
+    if place.convert == "position_quaternion":
+        columns = place.columns or tuple(range(3 + len(order)))
+        return (*columns[:3], *(columns[3 + entry] for entry in order))
     if spec.key != "path/pose/orientation" or place.quaternion == "xyzw" or place.convert:
         return place.columns or None
-    order = QUATERNION_COLUMNS[place.quaternion]
     # The columns of a quaternion are in the stored order, of which the dialect says what it is.
     return tuple(place.columns[entry] for entry in order) if len(place.columns) == len(order) else order
 

@@ -24,6 +24,7 @@ _CONVERSIONS: Final[Mapping[ConversionName, str]] = {
     "disparity": "disparity to depth",
     "disparity16": "disparity of 16 bits to depth",
     "matrix4": "part of 4 x 4 transformations",
+    "position_quaternion": "position and quaternion of the frame of the poses",
     "chw": "channels first to channels last",
     "until_next": "instants to intervals",
     "turned": "axes of the sensor to those of the body",

@@ -73,6 +73,9 @@ T_BODY_IMU: Final = "metadata/T_body_imu"
 VERTICAL: Final = "metadata/vertical"
 """Not part of the layout: ``unknown`` where Z of the world need not point up."""
 
+_POSE_NUMBERS: Final = 7
+"""Of a position and a quaternion."""
+
 _POSE: Final = "path/pose"
 """Stands for position, orientation and timestamps, the latter at the path ``timestamps`` of the same file."""
 
@@ -90,6 +93,7 @@ _CONVERTED: Final[Mapping[str, Callable[[DatasetSpec], bool]]] = {
     "chw": lambda spec: spec.is_image and len(spec.shape) == 4,
     "until_next": lambda spec: spec.is_timestamps and len(spec.shape) == 2,
     "turned": lambda spec: spec.stream == "imu" and not spec.is_timestamps,
+    "position_quaternion": lambda spec: spec.stream == "pose" and not spec.is_timestamps,
     **dict.fromkeys(MAP_DEFINITIONS, lambda spec: spec.stream in FRAMES_OF_MAP),
 }
 """Of which datasets a conversion makes sense, where it does not of most."""
@@ -113,7 +117,9 @@ class MetadataPlace:
         Number of the entry of a list that is meant; None: all of it.
     convert
         ``fx_fy_cx_cy``: four numbers, or a table that names them so, make the matrix of a pinhole camera.
-        ``projection``: it is the left part of a projection matrix (3, 4).
+        ``k1_k2_k3_k4``: a table that names coefficients of a lens so makes the list of them. ``projection``: it is the
+        left part of a projection matrix (3, 4). ``position_quaternion``: seven numbers, or a table that names them
+        ``px, py, pz, qx, qy, qz, qw``, make a transformation (4, 4).
     invert
         Whether the matrix is that of the inverse transformation.
     """
@@ -125,7 +131,7 @@ class MetadataPlace:
     attribute: str = ""
     value: Constant | None = None
     entry: int | None = None
-    convert: Literal["", "fx_fy_cx_cy", "projection"] = ""
+    convert: Literal["", "fx_fy_cx_cy", "k1_k2_k3_k4", "projection", "position_quaternion"] = ""
     invert: bool = False
 
 
@@ -168,6 +174,8 @@ class DatasetPlace:
         ``flow16``: 16-bit flow, (v - 2^15) / 128 px and a channel of validity. ``disparity``: px, read as depth by
         ``metadata/disparity_to_depth``, 0 invalid; ``disparity16``: the same from 16 bits, v / 256 px. ``chw``: the
         channels of an image come first. ``matrix4``: (4, 4) transformations, of which the dataset is a part.
+        ``position_quaternion``: the same from a position and a quaternion, seven columns, where the frame of the poses
+        is not the body.
         ``until_next``: intervals from each instant to the next; what the stream holds for the last one is left out.
         ``turned``: samples of an IMU in axes of its own, which ``metadata/T_body_imu`` takes to those of the body.
         ``event_not_before``, ``event_before``, ``event_after``, ``nearest_event``: what an index map names
@@ -198,6 +206,7 @@ class DatasetPlace:
         # A transformation is a matrix a row; 16-bit flow has a third channel.
         shapes: dict[str, tuple[Size, ...]] = {
             "matrix4": (rows, 4, 4),
+            "position_quaternion": (rows, _POSE_NUMBERS),
             "flow16": (rows, *axes[:-1], 3),
             "chw": (rows, *axes[-1:], *axes[:-1]),
             "until_next": (rows,),
@@ -436,6 +445,9 @@ def _require_consistent(dialect: Dialect) -> None:
         fits = _CONVERTED.get(place.convert)
         if fits is not None and not fits(spec_of(key)):
             raise MisuseError(f"datasets.{key}.convert: Expected a conversion of such a dataset, got {place.convert!r}")
+        if place.convert == "position_quaternion" and len(place.columns) not in {0, _POSE_NUMBERS}:
+            message = f"Expected {_POSE_NUMBERS} columns, a position and a quaternion, got {len(place.columns)}"
+            raise MisuseError(f"datasets.{key}.columns: {message}")
     rates: dict[float, str] = {}
     for stream in {stream: None for key in dialect.datasets if (stream := flow_stream_of(key))}:
         other = rates.setdefault(flow_rate_hz(stream), stream)

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.layout.conversions import transformations
 from fedora_qa.layout.decodable import require_filters, require_small_chunks, require_sound_blocks, require_whole_chunks
 from fedora_qa.layout.dialect import Declaration, Dialect, MetadataPlace, SideMetadata
 from fedora_qa.layout.external_files import ExternalFiles
@@ -22,8 +23,16 @@ MOST_VALUES: Final = 4096
 PINHOLE: Final = ("fx", "fy", "cx", "cy")
 """Names of the intrinsics in documents that name them, such as those of Basalt."""
 
+_LENS: Final = ("k1", "k2", "k3", "k4")
+_POSE: Final = ("px", "py", "pz", "qx", "qy", "qz", "qw")
+"""Names of the parts of a transformation in documents, such as those of Basalt."""
+
 _PROJECTION: Final = (3, 4)
 _MATRICES: Final = {(3, 3), (4, 4)}
+
+_UNIT: Final = 1e-3
+"""How far the length of a quaternion may be from 1: three decimals are the fewest that are written. The value is not
+derived."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,11 +188,14 @@ def _converted(place: MetadataPlace, stored: Any) -> Any:
             raise ValueError(f"{len(entries)} entries where number {place.entry} is wanted")
         value = entries[place.entry]
     if place.convert == "fx_fy_cx_cy":
-        numbers = _numbers([value.get(name) for name in PINHOLE] if isinstance(value, dict) else value).reshape(-1)
-        if len(numbers) != len(PINHOLE):
-            raise ValueError(f"{len(numbers)} numbers where fx, fy, cx, cy are wanted")
-        fx, fy, cx, cy = numbers
+        fx, fy, cx, cy = _named_numbers(value, PINHOLE)
         value = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    if place.convert == "k1_k2_k3_k4":
+        value = _named_numbers(value, _LENS)
+    if place.convert == "position_quaternion":
+        (value,), (length,) = transformations(_named_numbers(value, _POSE)[np.newaxis])
+        if not abs(length - 1) < _UNIT:
+            raise ValueError(f"a quaternion of length {length:.3g}, not 1")
     if place.convert == "projection":
         matrix = _numbers(value)
         if matrix.shape != _PROJECTION:
@@ -195,6 +207,18 @@ def _converted(place: MetadataPlace, stored: Any) -> Any:
             raise ValueError("a matrix that cannot be inverted")
         value = np.linalg.inv(matrix)
     return np.asarray(value) if isinstance(value, list | tuple) else value
+
+
+def _named_numbers(value: Any, names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Return the numbers of a list of as many, or those that a table has under these names."""
+    if isinstance(value, dict):
+        if missing := [name for name in names if name not in value]:
+            raise ValueError(f"a table without {', '.join(missing)}")
+        value = [value[name] for name in names]
+    numbers = _numbers(value).reshape(-1)
+    if len(numbers) != len(names):
+        raise ValueError(f"{len(numbers)} numbers where {', '.join(names)} are wanted")
+    return numbers
 
 
 def _numbers(value: Any) -> NDArray[np.float64]:

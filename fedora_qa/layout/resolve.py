@@ -39,6 +39,7 @@ from fedora_qa.layout.dialect import (
     DIALECT_NAMES,
     KIND,
     T_BODY_IMU,
+    T_POSED_BODY,
     Dialect,
     DialectChoice,
     form_of,
@@ -319,6 +320,12 @@ class _Finder:
         if (mount is None or mount.problem) and any(self.binder.place(spec.key).convert == "turned" for spec in specs):
             # What a sensor measures in unknown axes can be compared with nothing.
             self.absent[stream] = f"nobody states {T_BODY_IMU}, by which its axes are those of the body"
+            return
+        if stream == "pose" and T_POSED_BODY in self.dialect.metadata and T_POSED_BODY not in self.binder.supplied:
+            # Poses of a frame that nothing places in the body would be taken for poses of the body.
+            self.absent[stream] = (
+                f"the file that declares {T_POSED_BODY}, by which poses are those of the body, is missing"
+            )
             return
         try:
             datasets = {spec.key: self.binder.dataset(spec) for spec in specs}

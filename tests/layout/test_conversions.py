@@ -96,6 +96,32 @@ def test_poses_of_another_frame_than_the_body(seed: int) -> None:
     np.testing.assert_allclose(read.as_matrix(), expected[:, :3, :3], atol=1e-12)
 
 
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_positions_and_quaternions_of_another_frame_than_the_body(seed: int, invert: bool) -> None:
+    """They are the same transformations as matrices."""
+    random = np.random.default_rng(seed)
+    rotations = Rotation.random(6, random_state=random)
+    posed = np.tile(np.eye(4), (6, 1, 1))
+    posed[:, :3, :3], posed[:, :3, 3] = rotations.as_matrix(), random.normal(0, 10, (6, 3))
+    rows = np.concatenate([posed[:, :3, 3], rotations.as_quat()], axis=1)
+    frame = {"invert": invert, "T_posed_body": tuple(map(tuple, posed[5].tolist()))}
+    of_rows, of_matrices = (Conversion(name, **frame) for name in ("position_quaternion", "matrix4"))  # type: ignore[arg-type]
+    for key in (POSITION, ORIENTATION):
+        np.testing.assert_allclose(converted(rows, key, of_rows), converted(posed, key, of_matrices), atol=1e-12)
+
+
+def test_a_quaternion_that_is_not_unit_stays_so() -> None:
+    """Its length is kept, the position does not depend on it, and one of length 0 is no rotation."""
+    rows = np.array([[1, 2, 3, 0, 0, 0.5, 0], [1, 2, 3, 0, 0, 0, 0]], np.float64)
+    conversion = Conversion(
+        "position_quaternion", T_posed_body=((1, 0, 0, 1), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))
+    )
+    np.testing.assert_allclose(converted(rows, POSITION, conversion)[0], [0, 2, 3])
+    read = converted(rows, ORIENTATION, conversion)
+    np.testing.assert_allclose(np.abs(read[0]), [0, 0, 0.5, 0], atol=1e-15)
+    assert np.isnan(read[1]).all()
+
+
 def test_channels_first() -> None:
     """(n, 2, H, W) becomes (n, H, W, 2), after what is invalid was marked."""
     stored = np.arange(24.0).reshape(2, 2, 2, 3)

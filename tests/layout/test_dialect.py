@@ -86,12 +86,16 @@ def test_own_dialect_can_build_on_the_canonical_one(tmp_path: Path) -> None:
         (MINIMAL + '"path/events/p" = { polarity = "yes" }\n', "polarity"),
         (MINIMAL + '"path/events/x" = { columns = ["a"] }\n', "columns"),
         (MINIMAL + '"path/pose/position" = { convert = "turned" }\n', "path/pose/position.convert"),
+        (
+            MINIMAL + '"path/pose/position" = { convert = "position_quaternion", columns = [1, 2, 3] }\n',
+            "path/pose/position.columns",
+        ),
         (MINIMAL + '[metadata]\n"metadata/vertical" = "z"\n', "metadata.vertical"),
         ('description = "nameless"\n', "name"),
         ("name = \n", "TOML"),
     ],
     ids=["unknown key", "unknown dataset", "unknown field", "value unit", "time unit", "polarity", "columns",
-         "turned", "vertical", "no name",
+         "turned", "columns of a pose", "vertical", "no name",
          "not TOML"],
 )  # fmt: skip
 def test_misuse_names_the_key(tmp_path: Path, text: str, named: str) -> None:

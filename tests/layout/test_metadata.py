@@ -1,10 +1,12 @@
 """Dialects and side files declare what sequences do not, and the record says who declares what."""
 
+import json
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import DialectChoice, load_choice, load_dialect, load_side_metadata
@@ -160,6 +162,91 @@ def test_side_files_are_read_strictly(text: str, words: str, tmp_path: Path) -> 
         load_side_metadata(written(tmp_path / "side.toml", text))
     with pytest.raises(MisuseError, match="missing"):
         load_side_metadata(tmp_path / "missing.toml")
+
+
+BASALT = """
+name = "basalt"
+[files]
+poses = "poses.txt"
+calibration = "calibration.json"
+[datasets]
+"path/pose/ts" = { file = "poses", columns = [0], time_unit = "s" }
+"path/pose/position" = { file = "poses", columns = [1, 2, 3, 4, 5, 6, 7], convert = "position_quaternion", quaternion = "wxyz" }
+"path/pose/orientation" = { file = "poses", columns = [1, 2, 3, 4, 5, 6, 7], convert = "position_quaternion", quaternion = "wxyz" }
+[metadata]
+"metadata/T_posed_body" = { file = "calibration", path = "value0/T_imu_cam/1", convert = "position_quaternion", invert = true }
+"metadata/cameras/events/width" = 12
+"metadata/cameras/events/height" = 10
+"metadata/cameras/events/K" = { file = "calibration", path = "value0/intrinsics/0/intrinsics", convert = "fx_fy_cx_cy" }
+"metadata/cameras/events/distortion_model" = "equidistant"
+"metadata/cameras/events/distortion" = { file = "calibration", path = "value0/intrinsics/0/intrinsics", convert = "k1_k2_k3_k4" }
+"metadata/cameras/events/T_body_camera" = { file = "calibration", path = "value0/T_imu_cam/1", convert = "position_quaternion" }
+"""  # noqa: E501 - tables of TOML end with their line
+
+
+@pytest.fixture
+def basalt(tmp_path: Path) -> Path:
+    """Poses with the scalar first, and a calibration as Basalt writes it."""
+    folder = tmp_path / "basalt"
+    folder.mkdir()
+    half = np.sqrt(0.5)
+    written(folder / "poses.txt", f"0.0 1 2 3 {half} 0 0 {half}\n0.5 1 2 4 {half} 0 0 {half}\n")
+    lens = {"fx": 9.0, "fy": 8.0, "cx": 5.5, "cy": 4.5, "k1": 0.1, "k2": -0.02, "k3": 0.003, "k4": -0.0004}
+    turned = {"px": 0.5, "py": 0.0, "pz": -0.25, "qx": half, "qy": 0.0, "qz": 0.0, "qw": half}
+    document = {"value0": {"T_imu_cam": [{}, turned], "intrinsics": [{"camera_type": "kb4", "intrinsics": lens}]}}
+    written(folder / "calibration.json", json.dumps(document))
+    return folder
+
+
+def test_calibrations_of_basalt(basalt: Path, tmp_path: Path) -> None:
+    """Tables that name their numbers are cameras, lenses and transformations, by which poses are those of the body."""
+    with open_sequence(basalt, choice(tmp_path, BASALT)) as sequence:
+        assert not sequence.layout.problems
+        camera = sequence.declared.cameras["events"]
+        np.testing.assert_array_equal(camera.K, [[9, 0, 5.5], [0, 8, 4.5], [0, 0, 1]])
+        assert camera.lens is not None
+        assert (camera.lens.model, camera.lens.coefficients) == ("equidistant", (0.1, -0.02, 0.003, -0.0004))
+        # A quarter turn about X, and a quarter turn about Z of what is posed.
+        T = np.array([[1, 0, 0, 0.5], [0, 0, -1, 0], [0, 1, 0, -0.25], [0, 0, 0, 1]])
+        np.testing.assert_allclose(camera.T_body_camera, T, atol=1e-15)
+        posed = np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 4], [0, 0, 0, 1]])
+        expected = posed @ np.linalg.inv(T)
+        np.testing.assert_allclose(sequence.rows("path/pose/position", 1, 2)[0], expected[:3, 3], atol=1e-12)
+        read = Rotation.from_quat(sequence.rows("path/pose/orientation", 1, 2)[0]).as_matrix()
+        np.testing.assert_allclose(read, expected[:3, :3], atol=1e-12)
+
+
+def test_poses_of_a_frame_that_nothing_places_are_left_out(basalt: Path, tmp_path: Path) -> None:
+    """They would be taken for poses of the body; a side file may place the frame."""
+    (basalt / "calibration.json").unlink()
+    with open_sequence(basalt, choice(tmp_path, BASALT)) as sequence:
+        assert sequence.layout.absent["pose"] == (
+            "the file that declares metadata/T_posed_body, by which poses are those of the body, is missing"
+        )
+        assert not sequence.layout.problems
+    side = '"metadata/T_posed_body" = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n'
+    with open_sequence(basalt, choice(tmp_path, BASALT, side)) as sequence:
+        np.testing.assert_allclose(sequence.rows("path/pose/position", 0, 1)[0], [1, 2, 3])
+
+
+@pytest.mark.parametrize(
+    ("instead", "words"),
+    [({"k3": 0.003, "k4": 0.1}, "a table without k1, k2"), ({"qw": 0.9}, "a quaternion of length 1.14, not 1")],
+)
+def test_a_calibration_of_another_kind_is_named(
+    basalt: Path, tmp_path: Path, instead: dict[str, float], words: str
+) -> None:
+    """A lens of another model has no k1, and a quaternion is of unit length."""
+    path = basalt / "calibration.json"
+    document = json.loads(path.read_text("utf-8"))
+    if "qw" in instead:
+        document["value0"]["T_imu_cam"][1] |= instead
+    else:
+        document["value0"]["intrinsics"][0]["intrinsics"] = instead
+    written(path, json.dumps(document))
+    with open_sequence(basalt, choice(tmp_path, BASALT)) as sequence:
+        problems = [made.problem for made in sequence.layout.supplied.values() if made.problem]
+    assert any(words in problem for problem in problems)
 
 
 @pytest.mark.parametrize(
