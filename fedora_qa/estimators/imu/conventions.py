@@ -217,7 +217,9 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvent
     # Two orientations of sigma each, over the span between them.
     noise = 2 * (sigma_rad / float(np.median(spans_s))) ** 2
     candidates = []
-    for quaternions, angle_signs, q in _attitudes(samples.orientations_xyzw[edges]):
+    # Of the world that is stored: a turn mixes components, and alters no rate in the body.
+    stored = so3.compose(so3.inverse(samples.turn_xyzw), samples.orientations_xyzw[edges])
+    for quaternions, angle_signs, q in _attitudes(stored):
         # Mean angular velocity in the body between two poses: Log(q_k^-1 q_k+1) / dt.
         by_pose = so3.log_quaternion(so3.compose(so3.inverse(q[:-1]), q[1:])) / spans_s
         variance = _expected_variance(by_pose, noise)

@@ -118,6 +118,8 @@ class InertialSamples:
     R_world_imu
         (M, 3, 3) orientation at the instants of the IMU, interpolated between the poses; NaN in gaps of the poses.
         None where it is not interpolated yet, as in samples whose timestamps were moved.
+    turn_xyzw
+        (4,) by which the world was turned: stored orientations are those without it.
     """
 
     imu_times_s: Float64
@@ -127,6 +129,7 @@ class InertialSamples:
     positions_world_m: Float64
     orientations_xyzw: Float64
     R_world_imu: Float64 | None = None
+    turn_xyzw: Float64 = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
 
     def at_lever(self, lever_body_m: Float64) -> "InertialSamples":
         """Return the samples with positions of a point (3,) of the body, m, in place of its origin."""
@@ -158,6 +161,7 @@ class InertialSamples:
             self.positions_world_m[pose],
             self.orientations_xyzw[pose],
             None if self.R_world_imu is None else self.R_world_imu[imu],
+            self.turn_xyzw,
         )
 
     def with_imu_samples(self, rows: NDArray[np.intp]) -> "InertialSamples":

@@ -242,6 +242,7 @@ def upright(samples: InertialSamples) -> InertialSamples:
         positions_world_m=samples.positions_world_m @ so3.matrices_from_quaternions(turn).T,
         orientations_xyzw=so3.compose(turn, samples.orientations_xyzw),
         R_world_imu=None,
+        turn_xyzw=so3.compose(turn, samples.turn_xyzw),
     )
 
 

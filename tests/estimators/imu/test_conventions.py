@@ -16,6 +16,7 @@ from fedora_qa.estimators.imu.conventions import (
     signed_permutations,
 )
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
+from fedora_qa.estimators.imu.specific_force import upright
 from tests.support.motion_world import GRAVITY_M_S2, NOISY, RESTLESS, sample_motion
 
 Plant = Callable[[InertialSamples], InertialSamples]
@@ -260,6 +261,18 @@ def turned_world(s: InertialSamples, turn: Rotation, *, with_attitudes: bool = T
 
 
 TURN = Rotation.from_euler("zyx", [45, 10, -70], degrees=True)
+
+
+@pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
+@pytest.mark.parametrize("case", ["clean", "wxyz", "inverse"])
+def test_quaternions_of_a_world_without_a_vertical_are_read_as_they_are_stored(
+    case: str, noise: InertialNoise | None
+) -> None:
+    """The turn that sets such a world upright mixes components, and is left aside."""
+    plant, expected = RATE_CASES[case]
+    samples = upright(plant(turned_world(sample_motion(noise=noise), TURN)))
+    assert np.abs(samples.turn_xyzw[3]) < 0.99
+    assert is_like(explain_rates(samples, NOISY.rotation_sigma_rad if noise else 1e-9), expected)
 
 
 @pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
