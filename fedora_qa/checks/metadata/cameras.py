@@ -218,8 +218,8 @@ class MetadataCameras(FactsCheck):
             if fx > 0 and not np.isclose(fx, fy, rtol=1e-3):
                 message = f"pixels of the {name} camera are not square: {fx:.6g}, {fy:.6g}"
                 notices.append(Notice("metadata.cameras.aspect", message, where))
-            # The optical axis is Z; unrotated it is the body's Z, which points up.
-            if np.array_equal(camera.T_body_camera[:3, :3], np.eye(3)):
+            # The optical axis is Z; unrotated it is the body's Z, which points up where that of the world does.
+            if facts.declared.has_vertical and np.array_equal(camera.T_body_camera[:3, :3], np.eye(3)):
                 message = (
                     f"the {name} camera is not rotated: it points upwards, unless optical axes were taken for those of "
                     "the body"

@@ -19,6 +19,7 @@ from fedora_qa.checks.metadata.cameras import MetadataCameras
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.judgement.judge import exceeds_limit, tolerance_for
+from fedora_qa.layout.dialect import load_choice
 from fedora_qa.layout.metadata import rounding_of
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Camera, Declared
@@ -142,6 +143,15 @@ def test_unusual_cameras_are_noted(path: Path, name: str, change: Change, rule: 
     change_matrix(path, "rgb", name, change)
     result = run_check(path, "metadata.cameras")
     assert (result.outcome, rules(result)) == ("warned", [rule])
+
+
+def test_a_body_without_a_vertical_may_be_a_camera(path: Path, tmp_path: Path) -> None:
+    """Where nothing says which axis points up, an unrotated camera is the frame that the poses are of."""
+    change_matrix(path, "rgb", "T_body_camera", lambda T: np.eye(4))
+    side = tmp_path / "side.toml"
+    side.write_text('[metadata]\n"metadata/vertical" = "unknown"\n')
+    options = CheckOptions(dialect=load_choice(None, str(side)), select=("metadata.cameras",), evidence=None)
+    assert [result.outcome for result in check_file(path, options).record.results] == ["passed"]
 
 
 def rectify_map(path: Path, lens: list[float], turn: Floats) -> Floats:
