@@ -104,6 +104,25 @@ def converted(raw: NDArray[Any], key: str, conversion: Conversion) -> NDArray[An
     return raw
 
 
+def stored_part_of_pose(
+    positions: NDArray[np.float64], quaternions: NDArray[np.float64], key: str, conversion: Conversion
+) -> NDArray[np.float64]:
+    """Return what ``position_quaternion`` made positions (n, 3) or orientations (n, 4) from, but for signs.
+
+    Parameters
+    ----------
+    positions, quaternions
+        (n, 3), (n, 4) of the body, in the unit of the stored values.
+    key
+        Canonical key: whether stored positions or quaternions are meant.
+    """
+    matrices, lengths = transformations(np.concatenate([positions, quaternions], axis=1))
+    if conversion.T_posed_body:
+        matrices = matrices @ np.linalg.inv(np.asarray(conversion.T_posed_body))
+    part = _part_of_pose(matrices, key, Conversion("matrix4", conversion.invert))
+    return part if key.endswith("position") else part * lengths[:, np.newaxis]
+
+
 def transformations(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return transformations (n, 4, 4), and the lengths (n) of the quaternions that they were made of.
 

@@ -11,6 +11,7 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, SampledCurve, VectorSamples
 from fedora_qa.estimators.storage.steps import depth_step, level_step, stored_step
 from fedora_qa.layout.canonical import datasets_of_all, spec_of
+from fedora_qa.layout.conversions import stored_part_of_pose
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.stored_step import DOUBLE_ROUNDOFF, StoredStep, of_components
@@ -110,15 +111,27 @@ def _motion_step(sequence: SequenceRows, facts: Facts, stream: str, key: str) ->
     stop = min(start + _MOST_VALUES, facts.sizes.get(key, 0))
     try:
         values = sequence.rows(key, start, stop).astype(np.float64)
+        scale, conversion = sequence.layout.bindings[key].scale, sequence.layout.bindings[key].conversion
+        is_of_another_frame = conversion is not None and conversion.name == "position_quaternion"
+        if conversion is not None and is_of_another_frame:
+            # Values of the body have no grid: it is that of the frame whose poses are stored.
+            positions, quaternions = (
+                sequence.rows(part, start, stop).astype(np.float64) / sequence.layout.bindings[part].scale
+                for part in _MOTIONS["pose"]
+            )
+            values = stored_part_of_pose(positions, quaternions, key, conversion) * scale
     except (UnreadableRowsError, KeyError):
         return None
-    scale = sequence.layout.bindings[key].scale
     kept = facts.clocks[stream].advancing[start:stop] & np.isfinite(values).all(axis=1)
     if key.endswith("orientation"):
         kept &= np.any(values != 0, axis=1)
     values = values[kept] / scale
     curve: SampledCurve = OrientationSamples(values) if key.endswith("orientation") else VectorSamples(values)
-    return sample_step(times_ns[start:stop][kept], values, curve).scaled(scale)
+    step = sample_step(times_ns[start:stop][kept], values, curve).scaled(scale)
+    if is_of_another_frame:
+        # A rotation mixes components: each has the noise of the coarsest.
+        step = replace(step, size=max(step.component(i).size for i in range(values.shape[1])), components=())
+    return step
 
 
 def inferred_steps(facts: Facts) -> dict[str, str | float]:

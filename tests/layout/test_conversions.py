@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.layout.conversions import Conversion, converted, depth_from_disparity, intervals
+from fedora_qa.layout.conversions import Conversion, converted, depth_from_disparity, intervals, stored_part_of_pose
 from tests.support.dsec_folder import encode_flow
 
 FLOW = Conversion("flow16")
@@ -106,8 +106,12 @@ def test_positions_and_quaternions_of_another_frame_than_the_body(seed: int, inv
     rows = np.concatenate([posed[:, :3, 3], rotations.as_quat()], axis=1)
     frame = {"invert": invert, "T_posed_body": tuple(map(tuple, posed[5].tolist()))}
     of_rows, of_matrices = (Conversion(name, **frame) for name in ("position_quaternion", "matrix4"))  # type: ignore[arg-type]
-    for key in (POSITION, ORIENTATION):
-        np.testing.assert_allclose(converted(rows, key, of_rows), converted(posed, key, of_matrices), atol=1e-12)
+    body = [converted(rows, key, of_rows) for key in (POSITION, ORIENTATION)]
+    for key, read in zip((POSITION, ORIENTATION), body, strict=True):
+        np.testing.assert_allclose(read, converted(posed, key, of_matrices), atol=1e-12)
+    np.testing.assert_allclose(stored_part_of_pose(*body, POSITION, of_rows), rows[:, :3], atol=1e-12)
+    stored = stored_part_of_pose(*body, ORIENTATION, of_rows)
+    np.testing.assert_allclose(np.abs(np.sum(stored * rows[:, 3:], axis=1)), 1, atol=1e-12)
 
 
 def test_a_quaternion_that_is_not_unit_stays_so() -> None:
