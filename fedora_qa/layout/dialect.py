@@ -29,7 +29,7 @@ from fedora_qa.layout.canonical import (
 )
 from fedora_qa.layout.conversions import MAP_DEFINITIONS, ConversionName
 
-DIALECT_NAMES: Final = ("fedora", "purdue-lab", "dsec", "mvsec", "m3ed", "v2e", "vid2e")
+DIALECT_NAMES: Final = ("fedora", "purdue-lab", "dsec", "mvsec", "m3ed", "v2e", "vid2e", "tum-vie", "eds")
 
 NS_PER_TIME_UNIT: Final[Mapping[str, int]] = {"s": NS_PER_S, "ms": 1_000_000, "us": NS_PER_US, "ns": 1}
 

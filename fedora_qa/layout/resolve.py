@@ -203,7 +203,8 @@ def detect_dialect(file: h5py.File, external_files: ExternalFiles | None = None)
     """Return the dialect that the file declares, or else the one with most datasets in the file.
 
     Among equals the hints decide, then the order of ``DIALECT_NAMES``. A file without any of these datasets is read as
-    canonical, and all of its streams are reported absent.
+    canonical, and all of its streams are reported absent. A dialect of a folder that gives no hint is that of no
+    file by itself: its paths are those of many layouts.
     """
     if _declares_fedora(file):
         return load_dialect(FORMAT_NAME)
@@ -211,6 +212,9 @@ def detect_dialect(file: h5py.File, external_files: ExternalFiles | None = None)
     scores: list[tuple[int, bool]] = []
     for dialect in dialects:
         count, hinted = 0, False
+        if dialect.files and not dialect.hints:
+            scores.append((count, hinted))
+            continue
         for spec in map(spec_of, dict.fromkeys((*DATASETS, *dialect.datasets))):
             place = dialect.place_of(spec.key)
             # Datasets in other files of the folder do not identify the dialect of this file.

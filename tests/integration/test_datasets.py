@@ -18,6 +18,7 @@ from fedora_qa.record.types import FileRecord
 from fedora_qa.sequence.sequence import open_sequence
 from tests.support.all_checks import CHECKS
 from tests.support.checked import checks_that_read
+from tests.support.eds_folder import write_eds_folder, write_eds_side
 from tests.support.event_view import TwoViews, camera_poses, two_views
 from tests.support.m3ed_folder import write_m3ed_folder, write_m3ed_side
 from tests.support.mvsec_folder import write_mvsec_folder, write_mvsec_side
@@ -28,6 +29,7 @@ from tests.support.simulator_layouts import (
     write_v2e_file,
     write_vid2e_folder,
 )
+from tests.support.tum_vie_folder import write_tum_vie_folder, write_tum_vie_side
 
 Array = np.ndarray[Any, Any]
 
@@ -47,23 +49,26 @@ class Layout:
     side
         Writes what its makers do not declare and what is true of it; None: nothing.
     streams
-        Which it holds.
+        Which are read without the side file.
     checked
         Checks that apply with the side file and could not without it, or that matter most.
     """
 
     name: str
-    source: Literal["pinhole", "lens"]
+    source: Literal["pinhole", "radtan", "equidistant"]
     write: Callable[[TwoViews, Path], Path]
     side: Callable[[TwoViews, Path], Path] | None
     streams: frozenset[str]
     checked: frozenset[str]
 
 
+OF_IMU = ("imu.rotation", "imu.translation", "imu.timing")
+ALIGNED = ("alignment.events", "event_response.orientation")
+
 LAYOUTS = {
     "m3ed": Layout(
         "falcon",
-        "lens",
+        "radtan",
         write_m3ed_folder,
         lambda _, path: write_m3ed_side(path),
         frozenset({"rgb", "depth", "events", "imu", "pose", "rgb_to_event", "depth_to_event"}),
@@ -115,6 +120,22 @@ LAYOUTS = {
         frozenset({"rgb", "events"}),
         frozenset({"index_maps.milliseconds", "event_response.threshold", "alignment.events"}),
     ),
+    "tum-vie": Layout(
+        "mocap-desk",
+        "equidistant",
+        write_tum_vie_folder,
+        lambda _, path: write_tum_vie_side(path),
+        frozenset({"rgb", "events", "imu", "pose"}),
+        frozenset({"index_maps.milliseconds", *ALIGNED, *OF_IMU}),
+    ),
+    "eds": Layout(
+        "11_all_characters",
+        "radtan",
+        write_eds_folder,
+        write_eds_side,
+        frozenset({"rgb", "events", "pose"}),
+        frozenset({*ALIGNED, *OF_IMU}),
+    ),
     "purdue-lab": Layout(
         "log.hdf5",
         "pinhole",
@@ -128,7 +149,11 @@ LAYOUTS = {
 
 @pytest.fixture(scope="module")
 def sources(shared_files: SharedFiles) -> dict[str, TwoViews]:
-    return {"pinhole": two_views(shared_files), "lens": two_views(shared_files, with_lens=True)}
+    return {
+        "pinhole": two_views(shared_files),
+        "radtan": two_views(shared_files, lens="radtan"),
+        "equidistant": two_views(shared_files, lens="equidistant"),
+    }
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +210,7 @@ def test_poses_and_depth_of_m3ed_are_those_of_the_source(
     sources: dict[str, TwoViews], stand_ins: dict[str, Path]
 ) -> None:
     """Poses count from the first one of the camera; the body is that camera with X forward."""
-    with open_sequence(stand_ins["m3ed"]) as sequence, h5py.File(sources["lens"].event_sized) as file:
+    with open_sequence(stand_ins["m3ed"]) as sequence, h5py.File(sources["radtan"].event_sized) as file:
         T_world_camera = camera_poses(file, file["path/depth_ts"][:])
         T_body_camera = sequence.declared.cameras["depth"].T_body_camera
         expected = T_body_camera[:3, :3].T  # the first pose of the body, seen by its camera
@@ -263,6 +288,16 @@ FAULTS: dict[str, tuple[str, str, Callable[[Array], Array], str, str]] = {
                                      "time_offset"),
     "events of vid2e inverted": (
         "vid2e", "events.h5:events/p", lambda p: 1 - p, "event_response.orientation", "polarity_inverted",
+    ),
+    "events of TUM-VIE late by 3 ms": (
+        "tum-vie", "mocap-desk-events_left.h5:events/t", lambda t: t + 3000, "index_maps.milliseconds", "time_offset",
+    ),
+    "events of TUM-VIE inverted": (
+        "tum-vie", "mocap-desk-events_left.h5:events/p", lambda p: 1 - p, "event_response.orientation",
+        "polarity_inverted",
+    ),
+    "events of EDS inverted": (
+        "eds", "events.h5:p", lambda p: 1 - p, "event_response.orientation", "polarity_inverted",
     ),
     "colour of the lab stamped in milliseconds": (
         "purdue-lab", ":path/imgts", lambda t: t / 1000, "clocks.unit", "time_unit",

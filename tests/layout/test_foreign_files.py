@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.layout.binding import canonical_rows, instant_ns, raw_rows
-from fedora_qa.layout.dialect import DIALECT_NAMES
+from fedora_qa.layout.dialect import DIALECT_NAMES, load_dialect
 from fedora_qa.layout.resolve import Layout, resolve
 from fedora_qa.sequence.sequence import open_sequence
 from tests.support.foreign import EPOCH_S, write_dsec, write_m3ed, write_mvsec, write_purdue_lab, write_v2e
@@ -25,8 +25,17 @@ FILES = {
 
 
 def test_every_dialect_has_a_file() -> None:
-    """The canonical one has the files of the generator, and vid2e is a folder of images."""
-    assert {*FILES, "fedora", "vid2e"} == set(DIALECT_NAMES)
+    """The canonical one has the files of the generator; the others are folders, and no file by itself tells of them."""
+    assert {*FILES, "fedora", "vid2e", "tum-vie", "eds"} == set(DIALECT_NAMES)
+
+
+def test_columns_that_any_file_may_have_identify_no_dialect(tmp_path: Path) -> None:
+    """Events of EDS are named x, y, t and p, of no unit: in its folder they are known, by themselves they are not."""
+    with h5py.File(tmp_path / "events.h5", "w") as file:
+        for name in "xytp":
+            file[name] = np.arange(3)
+        assert not resolve(file).is_recognised
+        assert resolve(file, load_dialect("eds")).streams == {"events"}
 
 
 @pytest.mark.parametrize("name", FILES)

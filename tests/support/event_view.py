@@ -1,8 +1,9 @@
 """A sequence of the generator in two files: one holds images as the event camera of the other would see them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import h5py
 import numpy as np
@@ -33,18 +34,23 @@ class TwoViews:
     event_sized: Path
 
 
-LENS: Final = (-0.37, 0.16, 4e-4, -3e-4)
-"""Radial-tangential, as strong as those of real event cameras."""
+LensName = Literal["none", "radtan", "equidistant"]
+
+LENSES: Final[Mapping[LensName, tuple[float, ...]]] = {
+    "radtan": (-0.37, 0.16, 4e-4, -3e-4),
+    "equidistant": (-0.03, 0.012, -0.008, 0.002),
+}
+"""As strong as those of real event cameras."""
 
 
-def two_views(shared_files: SharedFiles, *, with_lens: bool = False) -> TwoViews:
-    """Return a second of the park in both views, through a pinhole or ``LENS``, written once a run."""
-    name = "park-40hz-lens" if with_lens else "park-40hz"
+def two_views(shared_files: SharedFiles, *, lens: LensName = "none") -> TwoViews:
+    """Return a second of the park in both views, through a pinhole or one of ``LENSES``, written once a run."""
+    name = "park-40hz" if lens == "none" else f"park-40hz-{lens}"
 
     def write(path: Path, width: int, height: int) -> None:
         scene = replace(small_scene("park-day", width, height), rates=_RATES)
-        if with_lens:
-            camera = replace(scene.camera, distortion_model="radtan", distortion=LENS)
+        if lens != "none":
+            camera = replace(scene.camera, distortion_model=lens, distortion=LENSES[lens])
             scene = replace(scene, camera=camera)
         generate_sequence(scene, path, Request(duration_s=1.0, quality="draft"))
 
