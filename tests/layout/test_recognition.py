@@ -73,3 +73,34 @@ def test_a_folder_that_is_mostly_unused_is_named(dsec: Path) -> None:
     # Who names the dialect knows.
     with closing(OpenFolder(match_folder(dsec, matched_folder(dsec, None).dialect))) as opened:  # type: ignore[union-attr]
         assert not notes_of(resolve(opened))
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [("", None), ("timestamps.txt", None), ("images_timestamps.txt", "eds"), ("stamped_groundtruth.txt", "eds")],
+)
+def test_events_beside_images_are_not_of_eds(text: str, name: str | None, tmp_path: Path) -> None:
+    """Two of its names are those of many folders; a third that is its own tells it from them."""
+    folder = tmp_path / "flight"
+    write_images(folder / "images", 2)
+    for number in range(2):
+        (folder / f"images/{number:06d}.png").rename(folder / f"images/frame_{number:010d}.png")
+    write_handmade(folder / "events.h5")
+    if text:
+        (folder / text).write_text("0\n40000\n")
+    matched = recognise_folder(folder)
+    assert (matched and matched.dialect.name) == name
+
+
+def test_a_name_of_tum_vie_is_not_that_of_dsec(tmp_path: Path) -> None:
+    """Events of two cameras in one folder are no sequence of TUM-VIE; beside its IMU those of the left one are."""
+    folder = tmp_path / "mocap-desk"
+    folder.mkdir()
+    for side in ("left", "right"):
+        write_handmade(folder / f"mocap-desk-events_{side}.h5")
+    assert recognise_folder(folder) is None
+    (folder / "imu_data.txt").write_text("# t g a temp\n0.5 0 0 0 0 0 9.81 41\n5000.5 0 0 0 0 0 9.81 41\n")
+    matched = recognise_folder(folder)
+    assert matched is not None
+    assert matched.dialect.name == "tum-vie"
+    assert matched.place("events") == "mocap-desk-events_left.h5"
