@@ -141,10 +141,11 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
     How
     ---
     The longest silences of a window are examined, also those that began before it. Each is compared with the counts in
-    sixteen bins of its own length on either side, and the side that makes it more probable is used. Motion that comes
-    to rest therefore gives no finding, because the bins after it are empty as well; a lost packet leaves both sides
-    full. A silence that matches a step back of the timestamps (``clocks.order``) is a clock that was set, and no loss.
-    Nor is one whose events have the timestamp at its end or at its beginning: they were stamped together, as a packet.
+    sixteen bins of its own length on either side, and with the nearest four of them, because edges come and go in the
+    view; what makes it most probable is used. Motion that comes to rest therefore gives no finding, because the bins
+    after it are empty as well; a lost packet leaves both sides full. A silence that matches a step back of the
+    timestamps (``clocks.order``) is a clock that was set, and no loss. Nor is one whose events have the timestamp at
+    its end or at its beginning: they were stamped together, as a packet.
 
     Without colour, more than 0.1 s without events at the begin or the end of the file are compared with the rest of it
     by the motion of the body, from poses, or from the gyro where there are none: a camera that moves by a distance D
@@ -164,8 +165,9 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
     Cannot detect
     -------------
     Losses in a part of the image (``event_response.conservation``). Losses shorter than the usual silences of the
-    scene. Losses in quiet scenes: where 2 ms could not be detected, nothing is judged. A loss at the very end, after
-    which no event comes, of less than 0.1 s. Losses at an end while the body rests, or, without poses, turns steadily.
+    scene. Losses in quiet scenes, or beside edges so few that the rate comes and goes with each (high thresholds):
+    where 2 ms could not be detected, nothing is judged. A loss at the very end, after which no event comes, of less
+    than 0.1 s. Losses at an end while the body rests, or, without poses, turns steadily.
     A camera that moves for more than 0.1 s before a view without any edge, at an end of the file, is taken for a loss.
     A loss within four of its own lengths after the first event, when the sensor only begins to
     give events.

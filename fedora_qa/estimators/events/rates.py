@@ -6,6 +6,11 @@ the probability of an empty bin is (1 + m / r)^-r (Greenwood and Yule 1920). The
 between bins plus the variance of their mean. If motion stops and starts again, the bins beside the silence are empty or
 uneven as well, so that the silence is probable. A lost packet does not change the bins beside it.
 
+The order of the bins would not matter if they were independent. The rate of a scene is not: the fewer edges are in
+view, as with high thresholds, the more it comes and goes with each of them, and bins at some distance belong to other
+edges. The nearest four bins are therefore compared by themselves as well: their mean and variance are those at a
+shorter lag. Beside a lost packet both have the same mean, and the probability is nearly the same.
+
 An event without company is the only one of its pixel while the neighbours are silent. Noise of a sensor fires at
 random: everywhere, at any time, in pixels of any brightness. Of n blocks of 3 x 3 pixels without another event in an
 interval of time, noise of r events a second leaves n exp(-r s) silent in the middle and n r s exp(-r s) with one event
@@ -46,7 +51,7 @@ _QUIET = 0.25
 
 BINS: Final = 16
 """Number of bins on each side of a silence."""
-# Least number of bins of a side that is used.
+# Least number of bins of a side that is used, and number of those that are also used by themselves.
 _FEWEST_BINS: Final = 4
 _LONGEST: Final = 32
 """Largest number of silences of a segment that are examined; they are the longest ones."""
@@ -285,12 +290,17 @@ def least_probable_silence(
     left_ns, right_ns = before_ns[:, np.newaxis] - steps_ns[:, ::-1], after_ns[:, np.newaxis] - tick_ns + steps_ns
     counts = np.diff(np.searchsorted(times_ns, np.stack([left_ns, right_ns]), side="right"))
     inside = np.stack([left_ns[:, :-1] >= from_ns, right_ns[:, 1:] <= upto_ns])
-    bins = inside.sum(axis=2)
-    means, log_chances = log_chance_of_empty_bin(counts, inside)
-    log_chances = np.where(bins >= _FEWEST_BINS, log_chances, -np.inf)
-    # The side by which the silence is more probable counts; -inf where neither side has enough bins.
-    likeliest, sides = np.argmax(log_chances, axis=0), np.arange(len(before_ns))
-    chance, expected = log_chances[likeliest, sides], means[likeliest, sides]
+    enough = inside.sum(axis=2) >= _FEWEST_BINS
+    # All bins of a side, and the nearest: the last on the left, the first on the right.
+    nearest = np.zeros((2, 1, BINS), np.bool_)
+    nearest[0, :, -_FEWEST_BINS:], nearest[1, :, :_FEWEST_BINS] = True, True
+    means, log_chances = log_chance_of_empty_bin(
+        np.concatenate([counts, counts]), np.concatenate([inside, inside & nearest])
+    )
+    log_chances = np.where(np.concatenate([enough, enough]), log_chances, -np.inf)
+    # The bins by which the silence is most probable count; -inf where neither side has enough of them.
+    likeliest, each = np.argmax(log_chances, axis=0), np.arange(len(before_ns))
+    chance, expected = log_chances[likeliest, each], means[likeliest, each]
     z = np.where(np.isfinite(chance), np.maximum(-ndtri_exp(chance), 0.0), -np.inf)
     if not np.isfinite(z).any():
         return None, silences

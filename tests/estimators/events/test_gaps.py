@@ -60,6 +60,20 @@ def test_motion_that_turns_is_excused(turns: int) -> None:
     assert strangest(np.sort((kept * 1e6).astype(np.int64)) * US)[0].z < 6
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("is_mirrored", [False, True])
+def test_the_last_edge_may_leave(seed: int, is_mirrored: bool) -> None:
+    """An edge leaves within 20 ms, and 18 ms later another enters within 60 ms; 18 ms lost at once are found."""
+    rng = np.random.default_rng(seed)
+    t = np.sort(rng.uniform(0, 1, 5_000))
+    rate = np.interp(t, [0.0, 0.48, 0.5, 0.518, 0.55, 0.578, 1.0], [1.0, 1.0, 0.1, 0.03, 0.2, 1.0, 1.0])
+    is_lost = (t > 0.5) & (t < 0.518)
+    faded, lost = t[(rng.uniform(0, 1, t.size) < rate) & ~is_lost], t[~is_lost]
+    faded, lost = ((1 - times[::-1] if is_mirrored else times) for times in (faded, lost))
+    assert strangest((faded * 1e6).astype(np.int64) * US)[0].z < 5
+    assert strangest((lost * 1e6).astype(np.int64) * US)[0].z > 8
+
+
 def test_a_sensor_that_begins_to_fire_may_pause() -> None:
     """A dozen events, 4 ms of nothing, then a steady stream: before the first event it was silent as well."""
     first_ns, later_ns = np.arange(16, 20) * MS, 24 * MS + poisson(15_000) // 2
