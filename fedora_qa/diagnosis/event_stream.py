@@ -93,8 +93,13 @@ def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def propose_rates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the causes of high rates of pixels: hot pixels, or declared ones that a move of all events displaced."""
+    """Return the causes of high rates of pixels: hot pixels, or declared ones that a move of all events displaced.
+
+    Silent columns and rows are of a declared size that is too large.
+    """
     statistic = alarm.statistic
+    if alarm.finding.code == "event_stream.rates.silent_border":
+        return (Hypothesis("wrong_shape", "metadata", support("event_stream.silent_border")),)
     moves = tuple(
         Hypothesis(
             _CAUSE_OF_MOVE[feature.transform],

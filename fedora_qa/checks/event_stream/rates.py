@@ -1,6 +1,6 @@
-"""Hot pixels: pixels with events that no change of light causes."""
+"""Pixels with events that no change of light causes, and columns or rows of a sensor that does not have them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Final, Literal
@@ -12,6 +12,7 @@ from fedora_qa.checks.event_stream.event_rows import event_coverage, why_no_sens
 from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.events.rates import PixelCounts, neighbour_excess
+from fedora_qa.estimators.events.silent_borders import silent_border
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
@@ -32,6 +33,13 @@ _FEWEST_SHIFTED: Final = 2
 """Least number of pixels for a shift: one pixel always fits some shift. With f hot and d declared pixels of n, two
 pixels fit one shift by chance with a probability of f^2 d^2 / 2n or less: 3% for five of five in the smallest
 sensors."""
+
+
+_CENTRES_PX: Final = (0.0, 1.0)
+"""Principal points from (W - 1) / 2 to (W + 1) / 2, by their distance from the first, px."""
+
+_NEAR_PX: Final = 0.25
+"""Half of the least distance between the centres of two sizes, px."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +72,10 @@ class HotPixelCount(Feature):
 
 
 class EventStreamRates(Check[PixelCounts]):
-    """Does any pixel fire without a change of light?
+    """Does any pixel fire without a change of light, and are the declared columns and rows there?
 
-    The largest excess of a pixel's rate over its neighbourhood, in Hz, and the mean rate of declared hot pixels.
+    The largest excess of a pixel's rate over its neighbourhood, in Hz, and the mean rate of declared hot pixels. The
+    number of last columns, or rows, without any event, where the principal point is the centre of the others, in px.
 
     Why it matters
     --------------
@@ -88,6 +97,11 @@ class EventStreamRates(Check[PixelCounts]):
     largest number of runs of equal polarity that a pixel and three of its neighbours have all reached anywhere on the
     sensor.
 
+    A declared size that is too large adds columns on the right, or rows below, without events. A view without edges
+    does so too. Only where the declared principal point is the centre of the columns (rows) with events, and not that
+    of the declared size, are silent ones judged. Pixels with events are counted in strips as wide as the silent border,
+    or a sixteenth of the rest, and the border is compared with all strips and with the nearest four.
+
     Noise model
     -----------
     The variance is the sum of the Poisson variances of the third largest neighbour and of the allowed swings, the
@@ -95,10 +109,13 @@ class EventStreamRates(Check[PixelCounts]):
     difference measures how much edges and textures make neighbours differ (1.1 standard deviations of a normal
     distribution). A declared spread of thresholds allows the rate to be larger by five of its standard deviations. All
     pixels count as tests. Declared hot pixels have the Poisson error of their sum, and lose events in refractory
-    periods.
+    periods. A strip without events has the probability (1 + m / r)^-r of a gamma-Poisson distribution, whose mean m and
+    relative variance 1/r are measured from the strips; the standard error is the width at which this is the probability
+    of one standard deviation.
 
     Cannot detect
     -------------
+    A declared size that is too large by a few columns beside few events, or with a principal point that fits it.
     Pixels that are hot for a short time only, or whose excess is below the rate of the scene or its swings. Three or
     more adjacent hot pixels. Dead pixels and regions: without frames they cannot be distinguished from a scene at rest
     (``event_response.conservation``).
@@ -181,6 +198,7 @@ class EventStreamRates(Check[PixelCounts]):
             # Less the neighbours' median: the scene adds events to a hot pixel as it does to them.
             over = (counts - excess.median)[declared_hot]
             statistics.append(self._declared_rate(over, excess.error[declared_hot], declared, seconds, features))
+        statistics.extend(_silent_borders(counts > 0, facts))
         if facts.declared.kind == "recorded":
             loudest = (
                 f"{len(hot_pixels)}, the loudest ({column}, {row}) with {excess_hz:.4g} Hz more than its neighbours"
@@ -219,6 +237,34 @@ class EventStreamRates(Check[PixelCounts]):
             code="event_stream.rates.declared_hot_pixels",
             where=Where(stream="events"),
             features=features,
+        )
+
+
+def _silent_borders(active: NDArray[np.bool_], facts: Facts) -> Iterator[Statistic]:
+    """Yield the last columns and rows without events where the principal point is the centre of the others."""
+    principal_px = facts.declared.cameras["events"].K[:2, 2]
+    for axis, name in enumerate(("columns", "rows")):
+        border = silent_border(np.count_nonzero(active, axis=axis))
+        if border is None:
+            continue
+        declared_px = active.shape[1 - axis]
+        active_px = declared_px - border.width_px
+        off_px = float(principal_px[axis]) - (active_px - 1) / 2
+        # A correct K of the declared size lies at (W - 1) / 2 or above, by half of the silent width from this.
+        if not (_CENTRES_PX[0] - _NEAR_PX < off_px < min(_CENTRES_PX[1] + _NEAR_PX, border.width_px / 2 - _NEAR_PX)):
+            continue
+        yield Statistic(
+            name=f"silent_{name}",
+            value=float(border.width_px),
+            unit="px",
+            # Judgement compares the width with 0: in this unit the border is z standard errors wide.
+            standard_error=border.width_px / max(border.z, 0.5),
+            side="upper",
+            tests=active.shape[1 - axis],
+            statement=f"No event in the last {border.width_px} of {declared_px} declared {name}, and the principal "
+            f"point is the centre of the other {active_px}.",
+            code="event_stream.rates.silent_border",
+            where=Where(stream="events"),
         )
 
 

@@ -308,6 +308,27 @@ def test_rounded_timestamps_of_a_part_are_found(path: Path) -> None:
     assert (diagnosis.cause, diagnosis.magnitude) == ("quantised_time", pytest.approx(0.3))
 
 
+@pytest.mark.parametrize(("size", "added"), [("width", 1), ("width", 10), ("width", 57), ("height", 43)])
+def test_a_declared_size_without_events_is_found(size: str, added: int, path: Path) -> None:
+    """Columns or rows that the sensor does not have are found, with their number, and named."""
+    log_file().write(path)
+    with h5py.File(path, "r+") as file:
+        attributes = file["metadata/cameras/events"].attrs
+        attributes[size] = attributes[size] + added
+    (measured,) = (m for m in run_check(path, "event_stream.rates").measurements if m.name.startswith("silent"))
+    assert measured.value == added
+    assert rules(run_check(path, "event_stream.rates")) == ["silent_border"]
+    diagnosis = diagnoses_of(path, "event_stream")[0]
+    assert (diagnosis.stream, diagnosis.cause) == ("metadata", "wrong_shape")
+
+
+@pytest.mark.parametrize("beside", [lambda e: e.x < 40, lambda e: e.y < 25], ids=["columns", "rows"])
+def test_an_even_floor_is_no_wrong_size(beside: Callable[[Stream], np.ndarray], path: Path) -> None:
+    """A part of the view without edges ends at a line; the principal point is that of the whole sensor."""
+    altered(lambda e: e.keep(beside(e))).write(path)
+    assert rules(run_check(path, "event_stream.rates")) == []
+
+
 def test_one_sided_polarity_is_noticed(path: Path) -> None:
     """A stream of brighter events only is legal and unusual."""
     altered(lambda e: e.keep(e.p == 1)).write(path)
