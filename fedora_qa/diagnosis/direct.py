@@ -16,13 +16,13 @@ _CHECKS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "time_unit": ("clocks.unit",),
         "interpolated_frames": ("event_response.interpolation",),
         "dead_region": ("event_response.conservation",),
-        "hot_pixels": ("event_stream.rates",),
+        "hot_pixels": ("event_stream.rates", "event_response.conservation"),
         "quaternion_not_unit": ("pose.orientation",),
         "teleport": ("pose.continuity", "pose.noise"),
         "interpolated_pose": ("pose.continuity", "pose.noise"),
         "noise_misdeclared": ("imu.noise", "pose.noise", "event_response.conservation", "metadata.complete"),
-        # A declared number that nothing can have.
-        "threshold_misdeclared": ("metadata.complete",),
+        # A declared number that nothing can have, or another gain of the events without loss.
+        "threshold_misdeclared": ("metadata.complete", "event_response.conservation"),
         "gravity_magnitude": ("metadata.complete",),
         # A ratio of noise that is just the factor of a unit.
         "unit_mm_m": ("pose.noise",),

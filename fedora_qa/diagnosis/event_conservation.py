@@ -15,6 +15,7 @@ from fedora_qa.checks.event_response.conservation import (
     Violations,
 )
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.diagnosis.event_balance import hypotheses_of_balance
 from fedora_qa.diagnosis.event_response import whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
@@ -71,6 +72,9 @@ silences a tile as well, and loses events elsewhere."""
 _SIGMAS_OF_A_TILE: Final = 5.0
 """Standard deviations by which the worst of some thousand tiles may exceed the mean share of noise: one in a million
 does."""
+
+_MEASURED: Final = support("event_response.conservation.dead_region_for_some_time")
+"""Least support of a dead region whose pixels say more than the number of the events in all."""
 
 _LEAST_COMMON_PERCENT: Final = 2.0
 """Least common gain of the frames for another exposure: tiles of correct frames differ by as much. Not derived."""
@@ -144,7 +148,10 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         of_pixels = _support("dead_region_of_pixels")
         count, dead_region = float(violations.pixels), Hypothesis("dead_region", "events", of_pixels * dead)
     by_trial = hypotheses_of_trials(trials, facts)
-    remaining = _support("beside_a_trial") if by_trial else 1.0
+    # A transform that resolves the violations states more than the number of the events.
+    is_measured = bool(by_trial or noise) or dead >= _MEASURED
+    by_balance = () if is_measured else hypotheses_of_balance(features, facts.declared.events)
+    remaining = _support("beside_a_trial") if by_trial else _support("beside_a_balance") if by_balance else 1.0
     unrelated: tuple[Hypothesis, ...] = ()
     if not few and unresolved(trials):
         unrelated = tuple(
@@ -171,7 +178,8 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         # silent > 2 duration / (n - 1), multiplied out: whole nanoseconds without a division.
         if silent_ns * (len(times_ns) - 1) > 2 * duration_ns:
             cut_off = (Hypothesis("truncated", "events", _support("truncated")),)
-    return (*by_trial, *cut_off, *noise, *(replace(each, support=remaining * each.support) for each in beside))
+    others = (replace(each, support=remaining * each.support) for each in beside)
+    return (*by_trial, *by_balance, *cut_off, *noise, *others)
 
 
 def _of_courses(courses: ChangeCourses) -> tuple[Hypothesis, ...]:

@@ -5,6 +5,7 @@ from typing import Final
 
 from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
 from fedora_qa.checks.images.exposure import BrightnessJump
+from fedora_qa.diagnosis.event_balance import is_reversed_for_a_while
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.judgement.judge import Alarm
@@ -22,8 +23,9 @@ def joined_hypotheses(alarms: Sequence[Alarm]) -> Mapping[str, tuple[Hypothesis,
 
     Frames that are nearly black show no motion: what ``images.order`` finds of them is the exposure. Flow that is
     absent where depth is valid, and nowhere else wrong, was made of a depth without these values; where the depth
-    contradicts itself as well, it has values that are none. IMU and poses that agree in rates under the attitudes of
-    one body, and in forces under those of another, agree by chance: they are of two motions.
+    contradicts itself as well, it has values that are none. Where events follow the light with the opposite sign for a
+    while, the frames change against them. IMU and poses that agree in rates under the attitudes of one body, and in
+    forces under those of another, agree by chance: they are of two motions.
 
     Parameters
     ----------
@@ -35,6 +37,10 @@ def joined_hypotheses(alarms: Sequence[Alarm]) -> Mapping[str, tuple[Hypothesis,
     if any(isinstance(each, BrightnessJump) and each.percent < _NEARLY_BLACK_PERCENT for each in features):
         black = Hypothesis("exposure_or_gamma", "rgb", support("images.order_of_black_frames"))
         joined |= {alarm.finding.id: (black,) for alarm in alarms if alarm.finding.code.startswith("images.order.")}
+    if is_reversed_for_a_while(features):
+        inverted = Hypothesis("polarity_inverted", "events", support("event_response.balance.reversed_for_a_while"))
+        of_frames = (alarm for alarm in alarms if alarm.finding.code.startswith("event_response.frames."))
+        joined |= {alarm.finding.id: (inverted,) for alarm in of_frames}
     values = [each for each in features if isinstance(each, WrongFlowValues)]
     of_pairs = [alarm for alarm in alarms if alarm.finding.code.startswith("depth.consistency.")]
     if of_pairs and values and all(each.missing and not each.unfounded for each in values):

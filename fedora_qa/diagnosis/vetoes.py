@@ -303,8 +303,9 @@ def contradicts(
     of_clocks = is_off_grid or is_within_reach or is_rounding or is_of_frames
     if of_clocks or is_of_another_body or is_no_threshold or is_no_arm or is_own_camera or is_no_noise:
         return True
-    # A gain that was measured of single frames changes the whole by less.
-    if (cause, family) in _IN_ORDER and (cause != "exposure_or_gamma" or magnitude is None):
+    # A gain that was measured of single frames, or of the events of a part, changes the whole by less.
+    is_of_part = cause in ("exposure_or_gamma", "threshold_misdeclared") and magnitude is not None
+    if (cause, family) in _IN_ORDER and not is_of_part:
         # Poses that move by less than a step of their values repeat.
         is_of_steps = (cause, family) == _REPEATS and _is_coarse(results.get("integrity.resolution"), family)
         # Rays of a part of the file, or of the image, alter the exponent of the whole by little.

@@ -117,6 +117,11 @@ class _TransformedCounts:
     size: float | None = None
 
 
+def is_tried(window: Window) -> bool:
+    """Whether inverse transforms are tried in a window, if it violates the law."""
+    return window.span.index < _FIRST_WINDOWS or window.span.index % _WINDOW_STEP == 0
+
+
 def inverse_trials(window: Window) -> list[InverseTrial]:
     """Try inverse transforms on a window and on its halves.
 
@@ -127,8 +132,7 @@ def inverse_trials(window: Window) -> list[InverseTrial]:
         windows beyond the first ones.
     """
     resampled, declared = resampled_frames(window), window.facts.declared.events
-    is_tried = window.span.index < _FIRST_WINDOWS or window.span.index % _WINDOW_STEP == 0
-    if declared is None or len(resampled) < 2 or not is_tried:
+    if declared is None or len(resampled) < 2 or not is_tried(window):
         return []
     rounding_dn = ROUNDING_DN[window.facts.declared.transfer]
     images = (resampled.edge_aware_dn, resampled.uniform_dn, resampled.error_dn, resampled.counts)

@@ -6,10 +6,12 @@ from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
 from fedora_qa.checks.images.exposure import BrightnessJump
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.joined_findings import joined_hypotheses
+from fedora_qa.estimators.events.balance_estimates import GainEstimate
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.features import Feature
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
+from fedora_qa.views.event_balance import BalanceCourse
 from fedora_qa.views.inertial_agreement import InertialConventionTrial
 from tests.support.proposals import named
 
@@ -69,3 +71,14 @@ def test_rates_and_forces_of_two_bodies_are_of_another_motion(
     joined = joined_hypotheses([rates, forces])
     assert sorted(joined) == ["F1", "F2"] * is_apart
     assert all(named(each) == [("other_sequence", "imu"), ("other_sequence", "pose")] for each in joined.values())
+
+
+@pytest.mark.parametrize(("contrast", "is_inverted"), [(-1.9, True), (-0.5, False)])
+def test_frames_change_against_events_of_inverted_polarity(contrast: float, *, is_inverted: bool) -> None:
+    """Fewer events for a while leave the frames in their order to explain."""
+    course = BalanceCourse("part", GainEstimate(contrast, 0.02), 0.97, GainEstimate(0.0, 0.03))
+    frames = alarm("F1", "event_response.frames.frame")
+    joined = joined_hypotheses([frames, alarm("F2", "event_response.conservation.pixels", course)])
+    assert {finding: named(each) for finding, each in joined.items()} == (
+        {"F1": [("polarity_inverted", "events")]} if is_inverted else {}
+    )

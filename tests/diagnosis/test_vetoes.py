@@ -449,3 +449,10 @@ def test_flow_that_depth_and_poses_give_has_its_own_camera(
     geometry = {"flow_geometry.endpoint": Result("flow_geometry.endpoint", outcome, "?")}
     assert contradicts(cause, "flow", None, geometry, {}) == is_contradicted
     assert not contradicts(cause, "metadata", None, geometry, {})
+
+
+def test_thresholds_of_a_part_may_leave_those_of_the_whole_in_order() -> None:
+    """A cause without a size is of the whole file, whose thresholds are measured."""
+    results = {"event_response.threshold": Result("event_response.threshold", "passed", "as declared")}
+    assert contradicts("threshold_misdeclared", "events", None, results, {})
+    assert not contradicts("threshold_misdeclared", "events", -50.0, results, {})

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.events.balance import BalanceSums
 from fedora_qa.estimators.events.change_courses import (
     FEWEST_INTERVALS,
     common_change,
@@ -22,7 +23,8 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.conservation_trials import InverseTrial, inverse_trials
+from fedora_qa.views.conservation_trials import InverseTrial, inverse_trials, is_tried
+from fedora_qa.views.event_balance import balance_features, window_balance
 from fedora_qa.views.event_blocks import block_moments
 from fedora_qa.views.event_camera import GRID, resampled_frames, sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.views.frame_runs import FrameRuns, FrameRunSummary
@@ -142,12 +144,15 @@ class ConservationState:
         Events without other events near them, between the frames; None where no frames were compared.
     moments
         (k, t, 6) moments of changes by interval and tile, of each window.
+    balance
+        Sums over the windows in which inverses are tried; None before the first.
     """
 
     runs: FrameRuns
     trials: list[InverseTrial] = field(default_factory=list)
     lone: LoneEvents | None = None
     moments: list[NDArray[np.float32]] = field(default_factory=list)
+    balance: BalanceSums | None = None
 
 
 class EventResponseConservation(Check[ConservationState]):
@@ -172,7 +177,8 @@ class EventResponseConservation(Check[ConservationState]):
     its first run stays within C+ and C-. Frames bound L at their times, and two seconds are compared at a time. In the
     first windows that violate the law, and in some later ones, the inverses of suspected faults are applied: polarity,
     mirrored or exchanged axes, shifts, delays. The inverse that resolves most pixels, less the pixels that it makes
-    violate the law, names the cause.
+    violate the law, names the cause. Where none does, the number of events for each change of the light does: its
+    gain, its scatter, its course over time and across the image, and events against the change (``balance``).
 
     Noise model
     -----------
@@ -233,6 +239,9 @@ class EventResponseConservation(Check[ConservationState]):
         if len(resampled) > 1:
             lone = count_lone_events(resampled.counts, np.diff(resampled.times_ns))
             state.lone = lone if state.lone is None else state.lone + lone
+            if window.sampling.features and is_tried(window):
+                balance = window_balance(window, state.runs.model)
+                state.balance = balance if state.balance is None else state.balance.then(balance)
         blocks = block_moments(window)
         if blocks is not None:
             # Axis 2 holds the eight symmetries, the declared orientation first.
@@ -241,8 +250,13 @@ class EventResponseConservation(Check[ConservationState]):
     def merge(self, state: ConservationState, later: ConservationState) -> ConservationState:
         """Join adjacent frame runs."""
         lone = state.lone + later.lone if state.lone and later.lone else state.lone or later.lone
+        balance = state.balance.then(later.balance) if state.balance and later.balance else None
         return ConservationState(
-            state.runs.then(later.runs), state.trials + later.trials, lone, state.moments + later.moments
+            state.runs.then(later.runs),
+            state.trials + later.trials,
+            lone,
+            state.moments + later.moments,
+            balance or state.balance or later.balance,
         )
 
     def conclude(self, state: ConservationState, facts: Facts) -> Observation:
@@ -295,6 +309,7 @@ class EventResponseConservation(Check[ConservationState]):
             changes_in_box=_changes_in_box(state.moments, with_neighbours(pixels) if disturbed else pixels),
         )
         courses = _courses(state.moments, state.runs.model, pixels)
+        balance = balance_features(state.balance) if pixels.any() else ()
         tile = Statistic(
             name="worst_tile",
             value=tile_fraction,
@@ -313,12 +328,13 @@ class EventResponseConservation(Check[ConservationState]):
             f"contradicts the frames; in the whole image in {everywhere:.2%}.",
             code="event_response.conservation.region",
             where=Where(stream="events", tile=(column, row, column + side, row + side)),
-            features=(Violations(count, everywhere), cluster, courses, *state.trials),
+            features=(Violations(count, everywhere), cluster, courses, *balance, *state.trials),
         )
         times_ns = facts.clocks["rgb"].times_ns
         seconds = max(float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S for group in groups)
         noise = (LoneEventRate(state.lone.quiet_rate_hz, state.lone.mean_rate_hz, seconds),) if state.lone else ()
-        worst_group = self._worst_group(groups, state.runs.model, facts, (cluster, courses, *noise, *state.trials))
+        shared = (cluster, courses, *noise, *balance, *state.trials)
+        worst_group = self._worst_group(groups, state.runs.model, facts, shared)
         return Observation(
             coverage,
             (worst_group, tile),
