@@ -17,6 +17,7 @@ from typing import Final
 
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.diagnosis.candidates import CONTENDS, FITS, OF_COMPONENTS, UNKNOWN, CauseCandidate, gather_candidates
+from fedora_qa.diagnosis.clock_grids import ClockPlace
 from fedora_qa.diagnosis.conclusion import (
     CERTAIN,
     Trials,
@@ -42,7 +43,6 @@ from fedora_qa.diagnosis.measured_sizes import (
 )
 from fedora_qa.diagnosis.vetoes import (
     COMPARED_BY_FLOW,
-    ClockPlace,
     contradicts,
     disturbs_too_few,
     is_flow_of_a_part,

@@ -10,10 +10,10 @@ import pytest
 from fedora_qa.checks.images.order import OutOfOrderIntervals
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.candidates import CauseCandidate
+from fedora_qa.diagnosis.clock_grids import ClockPlace
 from fedora_qa.diagnosis.conclusion import UndoTrial
 from fedora_qa.diagnosis.diagnose import choose_causes, rank_candidates
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
-from fedora_qa.diagnosis.vetoes import ClockPlace
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.image_part import ImagePart
 from fedora_qa.faults.pixels import PixelShift

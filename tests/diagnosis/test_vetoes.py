@@ -9,9 +9,10 @@ import pytest
 
 from fedora_qa.checks.event_response.conservation import Violations
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.clock_grids import ClockPlace, Place, places_of_clocks
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.measured_sizes import flow_offset_ms
-from fedora_qa.diagnosis.vetoes import ClockPlace, Place, contradicts, disturbs_too_few, places_of_clocks
+from fedora_qa.diagnosis.vetoes import contradicts, disturbs_too_few
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Measurement, Outcome, Result, Where
 from fedora_qa.sequence.facts import Facts, clock_of

@@ -15,10 +15,10 @@ import pytest
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.protocol import Check
 from fedora_qa.diagnosis.candidates import CauseCandidate
+from fedora_qa.diagnosis.clock_grids import ClockPlace, places_of_clocks
 from fedora_qa.diagnosis.conclusion import UndoTrial
 from fedora_qa.diagnosis.diagnose import rank_candidates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
-from fedora_qa.diagnosis.vetoes import ClockPlace, places_of_clocks
 from fedora_qa.engine.executors.executor import InProcess
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.measure import conclude

@@ -16,11 +16,11 @@ from typing import Any
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.protocol import Check
+from fedora_qa.diagnosis.clock_grids import ClockPlace, places_of_clocks
 from fedora_qa.diagnosis.conclusion import Trials, UndoTrial
 from fedora_qa.diagnosis.diagnose import choose_causes, key_of, rank_candidates
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.diagnosis.vetoes import ClockPlace, places_of_clocks
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.trials.altered import PlainRun
 from fedora_qa.engine.trials.explanation import CauseExplanation

@@ -18,10 +18,11 @@ from typing import Any, Final
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
+from fedora_qa.diagnosis.clock_grids import ClockPlace
 from fedora_qa.diagnosis.clock_units import is_known_unit
 from fedora_qa.diagnosis.conclusion import HALF, DeviationChange, UndoTrial
 from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.diagnosis.vetoes import ClockPlace, contradicts
+from fedora_qa.diagnosis.vetoes import contradicts
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
 from fedora_qa.engine.trials.altered import PlainRun, WindowPass, around
