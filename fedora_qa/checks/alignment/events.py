@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import log, sqrt
 from typing import Final
 
 import numpy as np
@@ -46,6 +47,12 @@ _MOST_GROUPS: Final = 12
 LEAST_CORRELATION: Final = 0.1
 """Least correlation coefficient of events and frames of one scene; unrelated ones reach 0.03."""
 
+_SHIFTS: Final = 29 * 29
+"""Shifts of up to fourteen pixels in both directions."""
+
+_BY_CHANCE: Final = 1e-4
+"""Probability with which events that have nothing to do with the frames have a peak: the false-alarm rate of a file."""
+
 
 @dataclass(frozen=True, slots=True)
 class IntervalCorrelations:
@@ -88,12 +95,13 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
 
     How
     ---
-    The number of events between two frames is cross-correlated with the absolute change of log luma. The sum over
-    intervals is registered on the autocorrelation of that change, to a hundredth of a pixel for shifts of up to four
-    pixels. Larger shifts, up to fourteen pixels, are measured to half a pixel on blocks of 2 x 2 pixels. Pixels with
-    events of both signs are left out: a change that reverses between the frames is not in their difference, and in
-    rotations of tens of pixels a frame it comes from other rows. Where depth exists, it determines which camera is
-    shifted: a shift must also explain colour against depth, and events against depth.
+    The number of events between two frames is cross-correlated with the absolute change of log luma, of a sensor that
+    is declared linear with that of luma. The sum over intervals is registered on the autocorrelation of that change, to
+    a hundredth of a pixel for shifts of up to four pixels. Larger shifts, up to fourteen pixels, are measured to half a
+    pixel on blocks of 2 x 2 pixels. Pixels with events of both signs are left out: a change that reverses between the
+    frames is not in their difference, and in rotations of tens of pixels a frame it comes from other rows. Where depth
+    exists, it determines which camera is shifted: a shift must also explain colour against depth, and events against
+    depth. A peak is one where the correlation exceeds what as many events reach at any of the shifts by chance.
 
     A colour camera beside the events has parallax, and one of another lens has other pixels: events are then located by
     depth alone. Steps of depth are projected into the event camera through both lenses, and the profiles of event
@@ -149,6 +157,10 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
         rgb = window.facts.declared.cameras["rgb"]
         by_quarters = is_large(rgb.width * rgb.height, window)
         height = frames.uniform_dn.shape[1]
+        # Steps of a linear sensor are equal in light: in log they are smaller where it is brighter, and the brighter
+        # side of each edge would have more events than its change asks for.
+        declared = window.facts.declared.events
+        is_linear = declared is not None and declared.model == "linear"
         auto, cross, sums, slopes, far = [], [], [], [], []
         for interval in chosen.tolist():
             # In large frames each interval uses one quarter of the image, in turn. The uncertainty between events
@@ -161,7 +173,8 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
                 rows = slice(quarter * height // 4, (quarter + 1) * height // 4)
             # The mean over a footprint is taken of linear intensity, before the logarithm: averages of logarithms have
             # larger errors at sharp edges. DARK_DN limits the effect of rounding in dark pixels.
-            before, after = (np.log(frames.uniform_dn[frame, rows] + DARK_DN) for frame in (interval, interval + 1))
+            ends_dn = (frames.uniform_dn[frame, rows] for frame in (interval, interval + 1))
+            before, after = (dn if is_linear else np.log(dn + DARK_DN) for dn in ends_dn)
             error_before_dn, error_after_dn = frames.error_dn[interval, rows], frames.error_dn[interval + 1, rows]
             counts = np.ascontiguousarray(frames.counts[interval, :, rows])
             change, events, usable, sums_of_interval = change_and_events(
@@ -199,15 +212,19 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
         )
         change, events, change_squares, event_squares = sums.sum(axis=0)
         # A shift beyond the reach has no peak within it, so the coarse search has precedence.
-        far = far_shift(joined([window.far for window in state]), REACH_PX, LEAST_CORRELATION)
+        # The coefficient of n unrelated events is about normal with the variance 1/n, and the largest of m exceeds x
+        # with a probability of at most m exp(-n x^2 / 2).
+        least = max(LEAST_CORRELATION, sqrt(2 * log(_SHIFTS / _BY_CHANCE) / max(events, 1.0)))
+        far = far_shift(joined([window.far for window in state]), REACH_PX, least)
         if far is None:
             # Correlation coefficient: covariance over the root of both sums of squares; 1e-300 keeps it finite where
             # nothing changes.
             all_auto, all_cross = auto.sum(axis=0), cross.sum(axis=0)
             strength = float(all_cross.max() / max(np.sqrt(change_squares * event_squares), 1e-300))
             shift = registered_shift(all_auto, all_cross)
-            if strength < LEAST_CORRELATION or shift is None or events == 0:
-                why = f"events and frames have a correlation of at most {strength:.2g} within {REACH_PX} px"
+            if strength < least or shift is None:
+                why = f"events and frames have a correlation of at most {strength:.2g} within {REACH_PX} px; "
+                why += f"{events:.0f} events reach {min(least, 1.0):.2g} by chance"
                 return Observation(coverage, unobservable=why)
             # Delete-one jackknife over groups of intervals.
             groups = np.array_split(np.arange(len(auto)), min(len(auto), _MOST_GROUPS))

@@ -3,9 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
+from fedora_generator.generate import Request, generate_sequence
+from fedora_generator.scene import load_scene
 from fedora_qa.record.types import Result
 from tests.checks.event_file import SHAPE, EventFile, linear_file, log_file
 from tests.support.checked import rules, run_check
@@ -87,3 +90,29 @@ def test_what_cannot_be_told_is_said(tmp_path: Path) -> None:
     x, y = (rng.integers(0, size, len(events)).astype(np.uint16) for size in (SHAPE[1], SHAPE[0]))
     chance = log_file().altered(events=replace(events, x=x, y=y))
     assert run_check(chance.write(tmp_path / "chance.h5"), CHECK).outcome == "not_observable"
+
+
+def test_the_brighter_side_of_edges_draws_no_events(tmp_path: Path) -> None:
+    """A linear sensor has its steps in light, as declared; compared in log, the bright sky draws its events upwards."""
+    scene = load_scene("park-day").with_size(180, 136)
+    events = replace(scene.events, model="linear", threshold_on=4.0, threshold_off=6.0)
+    linear, as_log = tmp_path / "linear.h5", tmp_path / "as_log.h5"
+    generate_sequence(
+        replace(scene, events=events, event_step_us=500), linear, Request(duration_s=0.4, quality="draft")
+    )
+    as_log.write_bytes(linear.read_bytes())
+    with h5py.File(as_log, "a") as file:
+        file["metadata/events"].attrs.update({"model": "log", "threshold_on": 0.2, "threshold_off": 0.2})
+    assert abs(value_of(run_check(linear, CHECK), "shift_down")) < 0.05
+    assert value_of(run_check(as_log, CHECK), "shift_down") < -0.1
+
+
+@pytest.mark.parametrize("count", [3, 40, 800])
+def test_few_events_agree_by_chance(count: int, tmp_path: Path) -> None:
+    """Some correlation is the largest of all shifts, however few they are: it must exceed that of chance."""
+    events = log_file().events
+    chosen = np.zeros(len(events), np.bool_)
+    chosen[np.linspace(0, len(events) - 1, count).astype(int)] = True
+    result = run_check(log_file().altered(events=events.keep(chosen)).write(tmp_path / "few.h5"), CHECK)
+    assert result.outcome == "not_observable"
+    assert "by chance" in result.reason
