@@ -220,6 +220,12 @@ def choose_causes(
             if other.key in trials
         )
 
+    def is_less_likely(other: CauseCandidate, candidate: CauseCandidate) -> bool:
+        """Whether a cause whose trial fails is ruled out by it, or not certain by its check, and the other one is."""
+        return is_conclusive(prior[other.key], codes) or (
+            prior[candidate.key].best_support >= CERTAIN > prior[other.key].best_support
+        )
+
     def is_measured_otherwise(candidate: CauseCandidate, supported: Sequence[CauseCandidate]) -> bool:
         """Whether undoing it in the whole file leaves all that it explains, and a check measures another cause of that.
 
@@ -232,7 +238,7 @@ def choose_causes(
         return any(
             other.key != candidate.key
             and tested[other.key]
-            and not (other.key in trials and trials[other.key].fails and is_conclusive(prior[other.key], codes))
+            and not (other.key in trials and trials[other.key].fails and is_less_likely(other, candidate))
             and own <= set(other.evidence)
             # Sorted timestamps are in order, whatever has disordered them.
             and not any(clears_by_construction(other.cause, codes[finding]) for finding in other.evidence)

@@ -27,6 +27,10 @@ from fedora_qa.views.flow_conventions import ConventionTrial
 _EVENTS, _INERTIAL = "event_response.timing", "imu.timing"
 _OF_MOTION: Final = ("imu", "pose")
 
+_NEXT_TO_NOTHING: Final = 0.1
+"""Largest change of a frame, relative to that by events, for one that repeats. The value is not derived: half the
+threshold gives 0.5."""
+
 _SEVERAL: Final = 3
 """Least number of intervals without a displacement for frames that stand still: a frame that is out of place by one
 leaves one, and two may lie beside wrong flow."""
@@ -195,6 +199,9 @@ def contradicts(
         return True
     # A gain that was measured of single frames, or of the events of a part, changes the whole by less.
     is_of_part = cause in ("exposure_or_gamma", "threshold_misdeclared") and magnitude is not None
+    if cause == "threshold_misdeclared" and _repeats(results.get("event_response.frames")):
+        # Beside a frame that repeats, events change what the frames do not: no part has another threshold.
+        is_of_part = False
     if (cause, family) in _IN_ORDER and not is_of_part:
         # Poses that move by less than a step of their values repeat.
         is_of_steps = (cause, family) == _REPEATS and _is_coarse(results.get("integrity.resolution"), family)
@@ -503,6 +510,11 @@ def _jumps(result: Result | None, family: str) -> bool:
         for finding in result.findings
         for place in finding.all_places
     )
+
+
+def _repeats(result: Result | None) -> bool:
+    """Whether a frame changes by next to nothing of what the events around it change."""
+    return _failed(result) and abs(deviation(result, "change_shown") + 1.0) < _NEXT_TO_NOTHING
 
 
 def _steps_back(result: Result | None, family: str) -> bool:

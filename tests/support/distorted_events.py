@@ -14,7 +14,7 @@ import h5py
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.rates import RateOptions
 from fedora_generator.scene import load_scene
-from tests.support.event_view import LENS
+from tests.support.event_view import LENSES
 
 SIZE_PX = (240, 180)
 """Of events, depth and flow."""
@@ -28,7 +28,7 @@ _RATES = RateOptions(frames_hz=20.0, depth_hz=20.0, flow_hz=(10.0,))
 
 
 def write_distorted_events(path: Path, name: str, duration_s: float = 1.0) -> None:
-    """Write a canonical file of a scene, with events through ``LENS``."""
+    """Write a canonical file of a scene, with events through the lens ``radtan`` of ``LENSES``."""
     scene = replace(load_scene(name), rates=_RATES)
     x_m, y_m, z_m = scene.camera.position_body_m
     cameras: dict[str, dict[str, Any]] = {
@@ -38,7 +38,7 @@ def write_distorted_events(path: Path, name: str, duration_s: float = 1.0) -> No
             "height": round(_TO_EVENTS * SIZE_PX[1]),
             "pitch_deg": scene.camera.pitch_deg + _TURN_DEG,
             "distortion_model": "radtan",
-            "distortion": LENS,
+            "distortion": LENSES["radtan"],
         },
         "rgb": {
             "width": _COLOUR_PX[0],
