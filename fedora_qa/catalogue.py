@@ -50,7 +50,7 @@ CATALOGUE: Final[Mapping[str, tuple[str, str]]] = {
     "event_response.conservation": ("event_conservation.propose_conservation", "pixels.mirrored"),
     "event_response.interpolation": ("event_response.propose_interpolation", "pixels.interpolated"),
     "alignment.depth": ("alignment.propose_depth", "images.shifted_depth"),
-    "alignment.events": ("alignment.propose_events", "images.shifted_beside_events"),
+    "alignment.events": ("alignment.propose_events", "images.displaced_events"),
     "flow_photometric.residual": ("flow.propose_residual", "flow.larger"),
     "flow_geometry.endpoint": ("flow_geometry.propose_endpoint", "flow.off_by_a_constant"),
     "flow_geometry.validity": ("flow_geometry.propose_validity", "flow.other_validity"),

@@ -10,6 +10,7 @@ import numpy as np
 
 from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, EventEdges
 from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
+from fedora_qa.diagnosis.event_response import offset_hypotheses
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.measured_sizes import length_with_error
 from fedora_qa.judgement.judge import Alarm
@@ -59,6 +60,8 @@ def propose_events(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             Hypothesis("rectification_misdeclared", "metadata", support("alignment.event_lens_outwards")),
             Hypothesis("time_offset", "events", support("alignment.event_time_offset_outwards")),
         )
+    if alarm.finding.code == "alignment.events.time_offset":
+        return offset_hypotheses(alarm.statistic.value, alarm.statistic.standard_error, facts)
     return (
         *hypotheses_of_centres(facts),
         *shift_hypotheses(_pairs(alarm), facts.declared.cameras),

@@ -169,7 +169,7 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         size_ms = statistic.value if part is None else part.offset_ms
         error_ms: float | None = statistic.standard_error if part is None else part.error_ms
         return (
-            *_offsets(size_ms, error_ms, facts, courses.segment),
+            *offset_hypotheses(size_ms, error_ms, facts, courses.segment),
             Hypothesis("clock_rate", "events", _EVENTS * courses.drift),
             Hypothesis("clock_rate", "rgb", _FRAMES * courses.drift),
             wrong_model,
@@ -189,7 +189,7 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     error_ms = size.error_ms if of_file or part is None else part.error_ms
     is_sized = size.of_all_pixels and (of_file or part is not None)
     return (
-        *_offsets(offset_ms, error_ms if is_sized else None, facts, courses.constant + courses.segment),
+        *offset_hypotheses(offset_ms, error_ms if is_sized else None, facts, courses.constant + courses.segment),
         *_rates(estimate, courses.drift),
         *_of_rounded_frames(statistic.value - statistic.expected, facts, "delays_of_rounded_frames"),
         *_of_rounded_events(statistic.value - statistic.expected, facts),
@@ -281,7 +281,9 @@ def _median_distance(times_ns: NDArray[np.int64], grid_ns: NDArray[np.int64]) ->
     return float(np.median(np.minimum(np.abs(times_ns - grid_ns[after - 1]), np.abs(grid_ns[after] - times_ns))))
 
 
-def _offsets(offset_ms: float, error_ms: float | None, facts: Facts, explained: float) -> tuple[Hypothesis, ...]:
+def offset_hypotheses(
+    offset_ms: float, error_ms: float | None, facts: Facts, explained: float = 1.0
+) -> tuple[Hypothesis, ...]:
     """Return an offset of the events and one of the frames, with their size where its error is known."""
     of_events, of_frames = (explained * of_clock for of_clock in whose_offset(offset_ms, facts))
     if error_ms is None:

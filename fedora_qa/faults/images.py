@@ -8,9 +8,10 @@ from typing import Any, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import MM_PER_M
+from fedora_qa.conventions import MM_PER_M, NS_PER_MS
 from fedora_qa.estimators.images.luma import WHITE_DN, to_code, to_linear
 from fedora_qa.faults.canary_conditions import CanaryConditions
+from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.fault import (
     Fault,
     InapplicableError,
@@ -36,6 +37,10 @@ Transfer = Literal["linear", "srgb", "gamma2.2"]
 
 _CODES: Final = np.arange(WHITE_DN + 1)
 """The 256 codes of eight bits."""
+
+_USEFUL_PX, _USEFUL_MS, _LATEST_MS = 2.0, 20.0, 25.0
+"""Detection limits of shifts and delays of events against depth up to which they are of use, and the longest delay that
+is planted: below the 30 ms that are searched."""
 
 _LEAST_GAIN: Final = 0.1
 """Least relative change of brightness, 0 to 1. With eight bits it changes every grey value above 5 DN."""
@@ -407,12 +412,16 @@ def darker_corners(conditions: CanaryConditions) -> Fault:
     return conditions.planted(Vignetting(100 * loss))
 
 
-def shifted_beside_events(conditions: CanaryConditions) -> Fault:
-    """What locates the events, colour or depth, lies too far to the right, by pixels of the event camera."""
-    cameras = conditions.facts.declared.cameras
+def displaced_events(conditions: CanaryConditions) -> Fault:
+    """What locates the events, colour or depth, lies too far to the right; or events are late, if that is measured."""
+    cameras, limits = conditions.facts.declared.cameras, {m.name: m.least_detectable for m in conditions.measurements}
+    # Where depth locates them, edges are searched up to 8 px away, and delays up to 30 ms: a canary that is three times
+    # as large as a useful limit must lie within.
+    is_located = 0 < (limits.get("shift_right") or 0) <= _USEFUL_PX
+    if not is_located and 0 < (limits.get("time_offset") or 0) <= _USEFUL_MS:
+        return conditions.planted(ClockShift("events", NS_PER_MS * min(conditions.size("time_offset"), _LATEST_MS)))
     # Depth locates them where the check has measured along all directions from the principal point.
-    located_by_depth = any(measurement.name == "shift_outwards" for measurement in conditions.measurements)
-    stream = "depth" if located_by_depth else "rgb"
+    stream = "depth" if "shift_outwards" in limits else "rgb"
     scale = cameras[stream].width / cameras["events"].width
     # The limit is in px of the event camera; one px of it spans width_rgb / width_events colour columns (2.25 in the
     # paper of the dataset).

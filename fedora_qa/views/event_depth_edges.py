@@ -1,4 +1,4 @@
-"""Edges of events around the steps of depth in one window, through the lenses of both cameras; no colour is used."""
+"""Edges of events around the steps of depth in one window, through the lenses of both cameras."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.depth.edge_profiles import root_counts, tile_profiles
+from fedora_qa.estimators.events.tracked_level import DelaySums
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import outlines_in_camera, why_not_comparable, why_not_one_view
 from fedora_qa.views.depth_edges import EVENTS_AROUND_NS, chosen_rows, steps_of_frame
+from fedora_qa.views.event_delays import event_delay_sums
 
 Float64 = NDArray[np.float64]
 
@@ -44,12 +46,15 @@ class EventDepthEdges:
         px, and number of these steps.
     frames
         Number of depth frames.
+    delays
+        Sums for the delay of events against colour; none where no frame has colour and flow.
     """
 
     profiles: Float64
     outward: Float64
     lags: Float64
     frames: int
+    delays: tuple[DelaySums, ...] = ()
 
 
 def only_depth_locates_events(facts: Facts) -> bool:
@@ -67,7 +72,7 @@ def event_depth_edges(window: Window) -> EventDepthEdges | None:
     if not sums:
         return None
     profiles, outward, lags = (np.sum(of_frames, axis=0) for of_frames in zip(*sums, strict=True))
-    return EventDepthEdges(profiles, outward, lags, len(sums))
+    return EventDepthEdges(profiles, outward, lags, len(sums), event_delay_sums(window))
 
 
 def _of_frame(window: Window, row: int) -> tuple[Float64, Float64, Float64] | None:

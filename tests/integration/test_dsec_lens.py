@@ -54,6 +54,19 @@ def test_a_correct_folder_is_clean(folder_of: Callable[[str], Path]) -> None:
     assert outcomes["alignment.events"][1].startswith("depth lies")
 
 
+def test_a_correct_fast_turn_is_clean(folder_of: Callable[[str], Path]) -> None:
+    """Steps of depth do not locate its events, but their delay is measured, and a planted one is detected."""
+    record = check(folder_of("fast-turn"), canary=True)
+    assert record.verdict == "clean"
+    (result,) = (result for result in record.results if result.check == "alignment.events")
+    (delay,) = (measurement for measurement in result.measurements if measurement.name == "time_offset")
+    assert delay.value == pytest.approx(0.0, abs=1.0)
+    assert delay.least_detectable is not None
+    assert delay.least_detectable < 6
+    (canary,) = (canary for canary in record.canaries if canary.check == "alignment.events")
+    assert (canary.outcome, canary.fault.startswith("events")) == ("seen", True)
+
+
 def move_events(folder: Path) -> None:
     """By a pixel to the right; those of the last column leave the sensor."""
     with h5py.File(folder / EVENTS, "a") as file:
@@ -94,6 +107,18 @@ def shorten_flow(folder: Path) -> None:
         write_png(path, encode_flow(0.7 * flow_px))
 
 
+def delay_events(folder: Path) -> None:
+    """By 5 ms: the offset of their clock. Indices of milliseconds count on the clock before it."""
+    with h5py.File(folder / EVENTS, "a") as file:
+        file["t_offset"][...] = file["t_offset"][()] + 5000
+
+
+def advance_images(folder: Path) -> None:
+    """By 5 ms, against depth and flow as against the events."""
+    path = folder / "images/timestamps.txt"
+    path.write_text("".join(f"{int(line) - 5000}\n" for line in path.read_text("utf-8").split()), "utf-8")
+
+
 @pytest.mark.parametrize(
     ("scene", "plant", "check_name", "stream", "cause"),
     [
@@ -101,6 +126,8 @@ def shorten_flow(folder: Path) -> None:
         ("park-night", ignore_the_lens, "alignment.events", "metadata", "rectification_misdeclared"),
         ("park-day", exchange_coordinates_of_the_map, "metadata.cameras", "metadata", "axes_swapped"),
         ("park-day", shorten_flow, "flow_events.sharpness", "flow", "flow_gain"),
+        ("fast-turn", delay_events, "alignment.events", "events", "time_offset"),
+        ("fast-turn", advance_images, "alignment.events", "rgb", "time_offset"),
     ],
 )
 def test_a_planted_fault_is_found(

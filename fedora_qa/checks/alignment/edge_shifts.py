@@ -8,6 +8,7 @@ import numpy as np
 
 from fedora_qa.checks.protocol import Observation, Statistic
 from fedora_qa.estimators.depth.edge_profiles import FARTHEST_PX, EdgeShift, edge_shift, peak_fraction_gain
+from fedora_qa.estimators.events.tracked_level import fit_delay
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.views.depth_edges import DepthEdges
@@ -141,6 +142,7 @@ def events_at_depth_steps(windows: Sequence[EventDepthEdges], depth_frames: int)
     as_declared, *displaced = (
         EdgeShifts(*(edge_shift(sums[:, distortion, axis]) for axis in (0, 1))) for distortion in range(sums.shape[1])
     )
+    delays = _delays(windows)
     best = max(range(len(displaced)), key=lambda i: displaced[i].peak_fraction)
     other = displaced[best]
     if not as_declared.significant and not other.significant:
@@ -148,7 +150,7 @@ def events_at_depth_steps(windows: Sequence[EventDepthEdges], depth_frames: int)
             f"edges of events are not concentrated at steps of depth within {FARTHEST_PX} px: "
             f"a share of {as_declared.peak_fraction:.2g} +/- {as_declared.peak_fraction_error:.1g}"
         )
-        return Observation(coverage, unobservable=why)
+        return Observation(coverage, delays, unobservable="" if delays else why)
     # Profiles along rows and along columns cross different edges, so that their variances add.
     gains = [peak_fraction_gain(sums[:, 0, axis], sums[:, best + 1, axis]) for axis in (0, 1)]
     where, corner_px = Where(stream="events"), CORNER_PX[best + 1]
@@ -169,7 +171,7 @@ def events_at_depth_steps(windows: Sequence[EventDepthEdges], depth_frames: int)
         features=(OtherLens(corner_px),),
     )
     if not as_declared.significant:
-        return Observation(coverage, (advantage,))
+        return Observation(coverage, (advantage, *delays))
     pair = as_declared.against_depth("events")
     lags = np.sum([window.lags for window in windows], axis=0)
     # Lags along both directions, and of all steps together, px.
@@ -199,4 +201,24 @@ def events_at_depth_steps(windows: Sequence[EventDepthEdges], depth_frames: int)
         for (name, text, shift), lag_px in zip(measured, lags_px, strict=True)
         if shift is not None
     ]
-    return Observation(coverage, (*shifts, advantage))
+    return Observation(coverage, (*shifts, advantage, *delays))
+
+
+def _delays(windows: Sequence[EventDepthEdges]) -> tuple[Statistic, ...]:
+    """State the delay of the events against colour frames; nothing where they have nothing to do with each other."""
+    fit = fit_delay([sums for window in windows for sums in window.delays])
+    if fit is None or abs(fit.gain) <= SIGNIFICANT * fit.gain_error:
+        return ()
+    return (
+        Statistic(
+            name="time_offset",
+            value=fit.delay_ms,
+            unit="ms",
+            standard_error=fit.standard_error_ms,
+            model_error_bound=fit.lag_bound_ms,
+            statement=f"Events are {fit.delay_ms:+.3g} +/- {fit.standard_error_ms:.2g} ms late against colour frames, "
+            "which depth carries into their view and flow moves.",
+            code="alignment.events.time_offset",
+            where=Where(stream="events"),
+        ),
+    )

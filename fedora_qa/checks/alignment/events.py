@@ -86,7 +86,8 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
 
     The shift of events against colour frames, in px of the event camera, to the right and down. Where frames have
     another centre or lens than events: the shift of events against the steps of depth, to the right, down and away from
-    the principal point, and the increase of the agreement by a lens that is not declared.
+    the principal point, and the increase of the agreement by a lens that is not declared. With flow: the delay of
+    events against colour that depth carries into their view, in ms.
 
     Why it matters
     --------------
@@ -108,6 +109,17 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
     counts around them are those of ``alignment.depth``, of the events up to 10 ms before and after a depth frame. The
     same is done with outlines that further distortions of the third order displace, by up to 64 px at the corners.
 
+    The delay is measured where a colour frame and the begin or the end of a field of flow lie within 30 ms of a depth
+    frame. Depth carries the colour frame into the view of depth, without points that the colour camera does not see and
+    without outlines, and each point moves with the velocity of the flow. This gives the level of each pixel of the
+    event camera around the frame, and from it the events of 5 to 50 ms on both sides, for any threshold: the reference
+    of a pixel follows its level as in a mechanical play of the width of the threshold. Sums of positive less negative
+    events are fitted with a gain, a delay, the width of the play, and a shift to the right and down. A delay moves
+    events by the velocity of each pixel times the delay, a shift moves all alike, and the lag by the play is a part of
+    a threshold whatever the velocity: they are separate where velocities and contrasts vary over image and time. The
+    interval of the events is moved by up to 30 ms, to where nothing is left. Of the logarithm and the luma itself, and
+    of eight thresholds, those are taken that explain most.
+
     Noise model
     -----------
     The size of a step, C, is estimated from the data: the change of all pixels with events over the number of these
@@ -117,20 +129,21 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
     / mean g^2, with g the slope of the level at pixels with events. Against depth the errors and bounds are those of
     ``alignment.depth``, and the lag is bounded by 1 / (2 k) px, with k the events of one polarity of a pixel: they have
     crossed k steps C of an edge that passes within a pixel. The error of an advantage is a jackknife of the difference,
-    in which texture that both share has no part.
+    in which texture that both share has no part. The error of the delay is a jackknife over nine parts of the image and
+    up to twelve groups of frames. Its bound is the change by a play whose width is not fitted.
 
     Cannot detect
     -------------
     A shift smaller than the lag. A shift of a part of the time or of the image, except in the mean. Shifts beyond
     fourteen pixels, which leave no correlation. Against depth: a lens that is wrong by so little that its corners move
-    by less than about eight pixels, except through the mean shift away from the principal point; and a delay over which
-    outlines move by less than the limit of a shift. A late stream appears shifted along the mean motion, and is
-    suspected as well.
+    by less than about eight pixels, except through the mean shift away from the principal point. A delay of more than
+    30 ms, or without flow; whether events are late, or colour early. A late stream appears shifted along the mean
+    motion, and is suspected as well.
 
     Sources
     -------
     M. Guizar-Sicairos, S. Thurman, J. Fienup, Opt. Lett. 33 (2008) for the registration; derivations in
-    ``fedora_qa/estimators/events/shift.py``.
+    ``fedora_qa/estimators/events/shift.py`` and ``fedora_qa/estimators/events/tracked_level.py``.
     """
 
     name = "alignment.events"
