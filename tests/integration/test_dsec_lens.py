@@ -54,6 +54,15 @@ def test_a_correct_folder_is_clean(folder_of: Callable[[str], Path]) -> None:
     assert outcomes["alignment.events"][1].startswith("depth lies")
 
 
+def test_a_correct_drive_is_clean(folder_of: Callable[[str], Path]) -> None:
+    """Scale changes by two fifths within a field, whose displacement exceeds the slope in the middle by 7%."""
+    record = check(folder_of("racetrack-drive"))
+    (result,) = (result for result in record.results if result.check == "flow_events.sharpness")
+    (gain,) = (measurement for measurement in result.measurements if measurement.name == "gain_10hz")
+    assert gain.value is not None
+    assert (5.0 < gain.value < 10.0, gain.exceeds_limit, record.verdict) == (True, False, "clean")
+
+
 def test_a_correct_fast_turn_is_clean(folder_of: Callable[[str], Path]) -> None:
     """Steps of depth do not locate its events, but their delay is measured, and a planted one is detected."""
     record = check(folder_of("fast-turn"), canary=True)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +86,9 @@ PIXEL_VARIANCE_PX2: Final = 1 / 12
 BEND: Final = 2.0
 """Bound of the relative bend of a path over the square of its angle (4/3 at 30 degrees)."""
 
+_OF_ONE_SURFACE: Final = 0.95
+"""Share of neighbouring pixels that is taken to show one surface. The value is not derived."""
+
 _MOST_GROUPS: Final = 12
 _SIGNIFICANT_SIGMAS: Final = 5.0
 _SAME_EVENTS: Final = slice(0, 5)
@@ -114,6 +117,8 @@ class FieldSharpness:
         Root mean square of the field, px of the event camera.
     pixel_px
         Root mean square of the widths of the events' pixels in the view of the flow, px of the event camera.
+    expansion2
+        Mean square of the relative change of scale over the interval, weighted with the squared flow.
     share_in_view
         Share of the event camera's pixels that lie in the view of the flow; None where all do, as of equal lenses.
     """
@@ -126,6 +131,7 @@ class FieldSharpness:
     way_rad: float
     flow_px: float
     pixel_px: float
+    expansion2: float
     share_in_view: float | None
 
 
@@ -186,12 +192,14 @@ class RateSharpness:
 
     @property
     def gain_model_error_bound(self) -> float:
-        """Bound of the bias of the gain by the size of pixels and by bent paths (see ``FlowEventsSharpness``)."""
+        """Bound of the bias of the gain by pixels, bent paths and approach (see ``FlowEventsSharpness``)."""
         way_px2 = float(np.mean(np.square([field.way_px for field in self.fields])))
         way_rad2 = float(np.mean(np.square([field.way_rad for field in self.fields])))
         pixel_px2 = float(np.mean(np.square([field.pixel_px for field in self.fields])))
-        # var(s) / var(u) = p^2 / (12 w^2) by the pixel, 2 a^2 by the bent path (derivation in FlowEventsSharpness).
-        return PIXEL_VARIANCE_PX2 * pixel_px2 / max(way_px2, 1e-12) + BEND * way_rad2
+        expansion2 = float(np.mean([field.expansion2 for field in self.fields]))
+        # var(s) / var(u) = p^2 / (12 w^2) by the pixel, 2 a^2 by the bent path, e^2 / 4 by approach (derivations in
+        # FlowEventsSharpness).
+        return PIXEL_VARIANCE_PX2 * pixel_px2 / max(way_px2, 1e-12) + BEND * way_rad2 + expansion2 / 4
 
     @property
     def is_informative(self) -> bool:
@@ -237,13 +245,16 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
     Noise model
     -----------
     The standard error of the gain is a jackknife over segments of time; that of a ratio of sharpness is the error of
-    counting. The bound of the gain has two parts. The first is the size of a pixel. An edge that is at u when pixel m
+    counting. The bound of the gain has three parts. The first is the size of a pixel. An edge that is at u when pixel m
     fires has u = m + s, with s uniform in the pixel. All pixels share s, so that the relative error of the regression
     of m on u, and of the gain, is at most var(s) / var(u) = 1 / (12 w^2), with w the root mean square displacement in
     px. Seen through a lens, a pixel has the width p in the view of the flow, its greatest, and this part is p^2 / (12
     w^2); positions are not rounded. The second is the curvature of a path: if the line of sight rotates by an angle a,
-    the third order of tan is up to 4/3 a^2 at 30 degrees off the axis; the bound is 2 a^2. Another flow must be sharper
-    by a fifth, which uniform motion along a curved path never is.
+    the third order of tan is up to 4/3 a^2 at 30 degrees off the axis; the bound is 2 a^2. The third is approach: a
+    point whose depth shrinks by the share e over the interval moves as 1 / (1 - e tau), and its displacement over the
+    interval exceeds the slope in the middle by e^2 / 4. The share is the divergence of the flow between neighbours,
+    which on a slanted surface is larger. Another flow must be sharper by a fifth, which uniform motion along a curved
+    path never is.
 
     Cannot detect
     -------------
@@ -465,9 +476,37 @@ def _measure_field(window: Window, interval: Interval, events: Events) -> FieldS
     way_rad = as_stored.way_px / _RMS_OF_TIME / focal_px
     by_gain = as_stored.sharpness[: 1 + len(GAINS)]
     pixel_px = float(np.sqrt(np.mean(np.square(widths_px[as_stored.carried]))))
+    expansion2 = mean_square_expansion(stored_px, max(1, int(np.sqrt(stored_px[..., 0].size / speed_pixels))))
     return FieldSharpness(
-        interval, by_gain, transformed, count, as_stored.way_px, way_rad, flow_px, pixel_px, events_view.share
+        interval,
+        by_gain,
+        transformed,
+        count,
+        as_stored.way_px,
+        way_rad,
+        flow_px,
+        pixel_px,
+        expansion2,
+        events_view.share,
     )
+
+
+def mean_square_expansion(flow_px: NDArray[Any], stride: int) -> float:
+    """Return the mean square of the relative change of scale by a field, weighted with the squared flow.
+
+    Of pixels a stride apart, each with its neighbours to the right and below. Neighbours on two surfaces differ by more
+    than one surface expands: the largest twentieth is left out.
+    """
+    here = flow_px[:-1:stride, :-1:stride].astype(np.float64)
+    right, below = flow_px[:-1:stride, 1::stride], flow_px[1::stride, :-1:stride]
+    expansion = (right[..., 0] - here[..., 0] + below[..., 1] - here[..., 1]) / 2
+    squares_px2 = np.sum(np.square(here), axis=-1)
+    finite = np.isfinite(expansion) & np.isfinite(squares_px2)
+    expansion2, squares_px2 = np.square(expansion[finite]), squares_px2[finite]
+    if not np.any(squares_px2):
+        return 0.0
+    of_one_surface = expansion2 <= np.quantile(expansion2, _OF_ONE_SURFACE)
+    return float(np.average(expansion2[of_one_surface], weights=squares_px2[of_one_surface] + 1e-12))
 
 
 def _around(events: Events, interval: Interval, half_ns: int) -> slice:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fedora_qa.checks.flow_events.sharpness import mean_square_expansion
 from fedora_qa.conventions import R_BODY_OPTICAL
 from tests.checks.event_file import DURATION_MS, FRAME_SHAPE, LOG_WORLD, SHAPE, log_file
 from tests.estimators.event_world import MS, Stream, camera_matrix
@@ -191,3 +192,14 @@ def test_focal_lengths_of_the_opposite_sign_are_left_to_the_metadata(tmp_path: P
     result = run_check(path, CHECK)
     assert result.outcome == "not_applicable"
     assert "is not positive" in result.reason
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+def test_approach_is_read_from_the_flow(stride: int) -> None:
+    """A wall that comes nearer by a twentieth expands by that, whatever an outline or a hole adds."""
+    rows, columns = np.mgrid[:80, :100]
+    flow_px = 0.05 * np.stack([columns - 40.0, rows - 30.0], axis=-1) + (3.0, -1.0)
+    flow_px[:, 60:] += 20.0
+    flow_px[10:20, 10:20] = np.nan
+    assert mean_square_expansion(flow_px, stride) == pytest.approx(0.05**2, rel=1e-6)
+    assert mean_square_expansion(np.full((8, 9, 2), np.nan), 1) == 0.0
