@@ -25,6 +25,7 @@ from tests.benchmarks.foreign_faults.eighth_round.kinds import EIGHTH_ROUND
 from tests.benchmarks.foreign_faults.fifth_round.kinds import FIFTH_ROUND
 from tests.benchmarks.foreign_faults.fourth_round.kinds import FOURTH_ROUND
 from tests.benchmarks.foreign_faults.kind import ALL_SCENES, EXACT_SCENES, LAST_ROUND, SHARES, Kind, Plan, Range
+from tests.benchmarks.foreign_faults.ninth_round.kinds import NINTH_ROUND
 from tests.benchmarks.foreign_faults.outcome import Named, Outcome, diagnose_planted, outcome_of, plant, state_path
 from tests.benchmarks.foreign_faults.page import page
 from tests.benchmarks.foreign_faults.second_round.kinds import SECOND_ROUND
@@ -90,11 +91,12 @@ def test_there_are_enough_kinds() -> None:
 def test_the_last_round_is_held_out() -> None:
     """All of it and nothing else."""
     assert {kind.round for kind in KINDS} == set(range(1, LAST_ROUND + 1))
-    assert [kind for kind in KINDS if kind.held_out] == list(EIGHTH_ROUND)
+    assert [kind for kind in KINDS if kind.held_out] == list(NINTH_ROUND)
 
 
 @pytest.mark.parametrize(
-    "kinds", [SECOND_ROUND, THIRD_ROUND, FOURTH_ROUND, FIFTH_ROUND, SIXTH_ROUND, SEVENTH_ROUND, EIGHTH_ROUND]
+    "kinds",
+    [SECOND_ROUND, THIRD_ROUND, FOURTH_ROUND, FIFTH_ROUND, SIXTH_ROUND, SEVENTH_ROUND, EIGHTH_ROUND, NINTH_ROUND],
 )
 def test_a_later_round_has_enough_kinds_of_its_own(kinds: tuple[Kind, ...]) -> None:
     """Of every stream, with a name and without, local ones and composites."""
@@ -222,7 +224,7 @@ def test_a_planter_alters_what_it_says_and_nothing_else(
 
 @pytest.mark.parametrize(
     "kind",
-    [*THIRD_ROUND, *FOURTH_ROUND, *FIFTH_ROUND, *SIXTH_ROUND, *SEVENTH_ROUND, *EIGHTH_ROUND],
+    [*THIRD_ROUND, *FOURTH_ROUND, *FIFTH_ROUND, *SIXTH_ROUND, *SEVENTH_ROUND, *EIGHTH_ROUND, *NINTH_ROUND],
     ids=lambda kind: kind.name,
 )
 def test_a_kind_is_planted_the_same_again(
@@ -632,6 +634,63 @@ def test_a_way_in_body_axes_is_as_long(pair_of: Callable[[str], tuple[Contents, 
     np.testing.assert_array_equal(after[0], before[0])
     steps = [np.linalg.norm(np.diff(position, axis=0), axis=1) for position in (before, after)]
     np.testing.assert_allclose(steps[1], steps[0], atol=1e-12)
+
+
+def test_bits_in_reverse_are_reversed_by_bytes(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Of whole bytes, each eight polarities are in the other order."""
+    old, new, _ = pair_of("bits of polarity unpacked in reverse")
+    whole = len(old["path/events/p"]) // 8 * 8
+    before, after = (contents["path/events/p"][:whole].reshape(-1, 8) for contents in (old, new))
+    np.testing.assert_array_equal(after, before[:, ::-1])
+
+
+def test_carla_is_the_mirror_image(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """What points forward, right and up of a left-handed body is the mirror image of forward, left and up."""
+    old, new, _ = pair_of("pose of CARLA")
+    before, after = (Rotation.from_quat(contents["path/pose/orientation"]) for contents in (old, new))
+    mirror = np.array([1.0, -1.0, 1.0])
+    for axis in np.eye(3):
+        np.testing.assert_allclose(after.apply(mirror * axis), mirror * before.apply(axis), atol=1e-12)
+
+
+def test_flipped_fields_are_mirror_images(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Each field is the old one or its mirror image, and some are of either sort."""
+    old, new, _ = pair_of("flow flipped at random")
+    before, after = old[KEYS[-1]], new[KEYS[-1]]
+    mirrored = before[:, :, ::-1] * np.array([-1, 1], dtype=before.dtype)
+    is_same, is_mirrored = (
+        [np.array_equal(field, other, equal_nan=True) for field, other in zip(after, others, strict=True)]
+        for others in (before, mirrored)
+    )
+    assert all(same or mirror for same, mirror in zip(is_same, is_mirrored, strict=True))
+    assert any(is_same)
+    assert any(is_mirrored)
+
+
+def test_light_rises_from_black_to_the_first_frame(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """Brighter events are added within a period, in no pixel more than lead from black to white."""
+    old, new, plan = pair_of("events of a black first frame")
+    more = len(new["path/events/t"]) - len(old["path/events/t"])
+    end_us = old["path/rgb_ts"][1]
+    added = [np.sum((c["path/events/t"] <= end_us) & (c["path/events/p"] == 1)) for c in (old, new)]
+    assert more > 0
+    assert added[1] - added[0] == more
+    pixels = int(old["metadata/cameras/events@width"]) * int(old["metadata/cameras/events@height"])
+    assert more <= pixels * np.log(255 / plan.size) / old["metadata/events@threshold_on"]
+
+
+def test_a_predicted_pose_is_a_later_one(pair_of: Callable[[str], tuple[Contents, Contents, Plan]]) -> None:
+    """It lies nearer to the pose so many ms later than to its own, in place and in attitude."""
+    old, new, plan = pair_of("pose predicted for a display")
+    behind = round(1000 * plan.size / np.median(np.diff(old["path/pose/ts"])))
+    position = new["path/pose/position"][:-behind]
+    late, own = (np.linalg.norm(position - old["path/pose/position"][rows], axis=1)
+                 for rows in (slice(behind, None), slice(None, -behind)))  # fmt: skip
+    assert np.median(late) < 0.3 * np.median(own)
+    attitude = Rotation.from_quat(new["path/pose/orientation"][:-behind])
+    late, own = ((Rotation.from_quat(old["path/pose/orientation"][rows]).inv() * attitude).magnitude()
+                 for rows in (slice(behind, None), slice(None, -behind)))  # fmt: skip
+    assert np.median(late) < 0.5 * np.median(own)
 
 
 WHOLE_CHAIN = ("gyro in deg/s", "quaternions w first")

@@ -19,6 +19,7 @@ from tests.benchmarks.foreign_faults.fourth_round.kinds import FOURTH_ROUND
 from tests.benchmarks.foreign_faults.inertial import ACCELEROMETER, GYRO
 from tests.benchmarks.foreign_faults.kind import EXACT_SCENES, QUIET_SCENES, Kind, Range
 from tests.benchmarks.foreign_faults.makers import MAKERS
+from tests.benchmarks.foreign_faults.ninth_round.kinds import NINTH_ROUND
 from tests.benchmarks.foreign_faults.paths import (
     CAMERA,
     COLOUR_MAP,
@@ -456,4 +457,5 @@ KINDS: Final = (
     *SIXTH_ROUND,
     *SEVENTH_ROUND,
     *EIGHTH_ROUND,
+    *NINTH_ROUND,
 )
