@@ -122,11 +122,6 @@ def hypotheses_of(alarm: "Alarm", facts: "Facts") -> "tuple[Hypothesis, ...]":
     facts
         Of the same file.
 
-    Returns
-    -------
-    tuple
-        One at least for most checks.
-
     Raises
     ------
     KeyError

@@ -11,15 +11,7 @@ _SUFFIXES: Final = (".py", ".toml")
 
 
 def code_digest(parts: Sequence[str] = ("",), package: Path = PACKAGE) -> str:
-    """Return the SHA-256 of all sources and tables (TOML) in parts of the package: of paths and text, in order.
-
-    Parameters
-    ----------
-    parts
-        Folders and files.
-    package
-        The folder in which they lie.
-    """
+    """Return the SHA-256 of all sources and tables (TOML) in parts of the package: of paths and text, in order."""
     digest = hashlib.sha256()
     within = (path for part in parts for path in (package / part, *(package / part).rglob("*")))
     paths = {path for path in within if path.is_file() and path.suffix in _SUFFIXES}

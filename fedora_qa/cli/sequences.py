@@ -32,11 +32,6 @@ def sequences_of(places: Sequence[Place], choice: "DialectChoice") -> tuple[Plac
     meant: files of HDF5, and folders that fit; of a prefix of an object store, every HDF5 file. A folder without any
     is returned as it is, so that its record states that no dialect fits.
 
-    Parameters
-    ----------
-    choice
-        How the sequences are read.
-
     Raises
     ------
     MisuseError

@@ -65,11 +65,6 @@ def compare(inputs: Sequence[SubjectInput], design: Design | None, false_alarm_r
     false_alarm_rate
         Probability, 0 to 1, that any test of the whole comparison reports a difference where there is none.
 
-    Returns
-    -------
-    Comparison
-        The whole document.
-
     Raises
     ------
     MisuseError

@@ -265,17 +265,12 @@ def _resampling_weights(units: int, number: int, random: np.random.Generator) ->
 
 
 def independent_segments(counts: Int64) -> Int64:
-    """Merge blocks of time into segments of 4 correlation times or more.
+    """Merge blocks of time into segments of 4 correlation times or more: (s, n) counts of the segments, 16 at most.
 
     Parameters
     ----------
     counts
         (b, n) counts in n bins of blocks in the order of time; blocks without any are left out.
-
-    Returns
-    -------
-    Int64
-        (s, n) counts of the segments, 16 at most.
     """
     counts = counts[counts.sum(axis=1) > 0]
     number = max(1, min(_MOST_SEGMENTS, int(len(counts) / (_SEGMENT_LENGTH * correlation_time(counts)))))

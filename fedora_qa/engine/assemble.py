@@ -199,15 +199,7 @@ def _evidence_of_pass(
     options: EvidenceOptions,
     follow_up_count: int,
 ) -> TitledArrays:
-    """Return evidence of the pass, the trajectory, and the worst places. A crash is noted, and costs all that follows.
-
-    Parameters
-    ----------
-    chosen
-        The windows that were measured.
-    follow_up_count
-        How many of them were measured again for checks: the worst places share one budget with these follow-ups.
-    """
+    """Return evidence of the pass, the trajectory and the worst places; a crash is noted and costs all that follows."""
     facts, source = ready.facts, ready.decoder
     # Images that may still be read again: the share of follow-ups less those done, and at least those of one window.
     mean = images_of(chosen) / max(len(chosen), 1)

@@ -386,13 +386,6 @@ def visiting_order(windows: int, together: int = 1) -> tuple[int, ...]:
     Groups of ``together`` neighbours follow each other in the order of ``_spread``, since neighbouring short windows
     share decoded rows. One window of each of the first ``FEWEST_WINDOWS`` groups comes before all others.
 
-    Parameters
-    ----------
-    windows
-        How many there are.
-    together
-        How many neighbours make a group.
-
     Returns
     -------
     tuple of int

@@ -286,15 +286,7 @@ class FileWork:
 
 
 class WorkQueue:
-    """The windows of a file that no worker has taken yet, in neighbourhoods.
-
-    Parameters
-    ----------
-    windows
-        How many there are.
-    workers
-        How many neighbourhoods to make of them.
-    """
+    """The windows of a file that no worker has taken yet, in neighbourhoods."""
 
     def __init__(self, windows: int, workers: int) -> None:
         self._left: list[Sequence[int]] = list(equal_parts(windows, workers))

@@ -228,7 +228,7 @@ def take_point_cloud(
 
 
 def keep_point_cloud(clouds: Sequence[PointCloud], facts: Facts) -> TitledArrays:
-    """Return the points of all frames as arrays of the record.
+    """Return the points of all frames as arrays of the record; empty where there is no cloud.
 
     Parameters
     ----------
@@ -236,11 +236,6 @@ def keep_point_cloud(clouds: Sequence[PointCloud], facts: Facts) -> TitledArrays
         In the order of time.
     facts
         Convert times to the clock of the file.
-
-    Returns
-    -------
-    TitledArrays
-        Empty where there is no cloud.
     """
     if not clouds:
         return TitledArrays()

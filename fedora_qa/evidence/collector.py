@@ -71,7 +71,7 @@ class Timeline:
         return np.bincount(np.minimum(numbers, self.bins - 1), minlength=self.bins).astype(np.int64)
 
     def spread(self, count: int, span: Span) -> Int64:
-        """Spread samples of unknown times evenly over a window.
+        """Spread samples of unknown times evenly over a window: (bins,) samples in each bin.
 
         Parameters
         ----------
@@ -79,11 +79,6 @@ class Timeline:
             Number of samples.
         span
             Of the window.
-
-        Returns
-        -------
-        ndarray of int64
-            (bins,) samples in each bin.
         """
         upto = np.interp(self.edges_ns, [span.start_ns, span.stop_ns], [0, count])
         upto[-1] = count if span.stop_ns > self.stop_ns >= span.start_ns else upto[-1]
@@ -220,15 +215,7 @@ class EvidenceCollector:
             state.counted_ns.append((window.span.start_ns, window.span.stop_ns))
 
     def merge(self, state: EvidenceState, later: EvidenceState) -> EvidenceState:
-        """Return the state of the windows of both; neither state is changed.
-
-        Parameters
-        ----------
-        state
-            Of earlier windows.
-        later
-            Of later windows.
-        """
+        """Return the state of the windows of both; neither state is changed."""
         both = EvidenceState(
             state.plan,
             snapshots=state.snapshots + later.snapshots,
@@ -246,20 +233,7 @@ class EvidenceCollector:
         return both
 
     def conclude(self, state: EvidenceState, facts: Facts) -> TitledArrays:
-        """Return all evidence as arrays with titles.
-
-        Parameters
-        ----------
-        state
-            Of all decoded windows.
-        facts
-            Of the file.
-
-        Returns
-        -------
-        TitledArrays
-            By the names of ``record/evidence.py``.
-        """
+        """Return all evidence as arrays with titles."""
         snapshots = keep_snapshots(MOMENTS, state.snapshots, facts, state.plan.width_px)
         timeline = state.plan.timeline
         edges_us = facts.origin_us + timeline.edges_ns / NS_PER_US
@@ -344,7 +318,7 @@ def unmeasured_ns(spans: Sequence[Span], measured: frozenset[int]) -> NDArray[np
 def stream_counts(
     timeline: Timeline, facts: Facts, spans: Iterable[Span], event_counts: Mapping[int, Int64]
 ) -> dict[str, Int64]:
-    """Return the number of samples of each stream in each bin.
+    """Return the number of samples of each stream in each bin: (bins,) by stream.
 
     Parameters
     ----------
@@ -357,11 +331,6 @@ def stream_counts(
     event_counts
         (bins,) events in each bin, by the number of each window whose timestamps were read. Only the number of events
         is known of other windows: they are spread evenly over the window.
-
-    Returns
-    -------
-    dict[str, Int64]
-        (bins,) by stream.
     """
     counts = {stream: timeline.count(clock.times_ns) for stream, clock in sorted(facts.clocks.items())}
     if "events" in facts.streams:

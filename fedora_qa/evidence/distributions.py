@@ -75,13 +75,7 @@ class DistributionsCollector:
         add_counts(state.setdefault(window.span.start_ns // self._block_ns, {}), counts)
 
     def merge(self, state: Blocks, later: Blocks) -> Blocks:
-        """Return the counts of the windows of both; neither state is changed.
-
-        Parameters
-        ----------
-        state, later
-            Of different windows.
-        """
+        """Return the counts of the windows of both; neither state is changed."""
         both = {block: dict(counts) for block, counts in state.items()}
         for block, counts in later.items():
             add_counts(both.setdefault(block, {}), counts)
@@ -89,13 +83,6 @@ class DistributionsCollector:
 
     def conclude(self, state: Blocks, facts: Facts) -> TitledArrays:
         """Return the counts of every quantity that has any, with their edges.
-
-        Parameters
-        ----------
-        state
-            Of all decoded windows.
-        facts
-            Of the file.
 
         Returns
         -------

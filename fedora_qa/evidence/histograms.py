@@ -83,7 +83,7 @@ def with_events(counts: UInt32 | None, window: Window) -> UInt32:
 
 
 def grown(counts: UInt32, height: int, width: int) -> UInt32:
-    """Return counts of pixels that cover a size at least: the same array where it does.
+    """Return counts of pixels that cover a size at least: zero in added pixels, and the same array where none is added.
 
     Parameters
     ----------
@@ -91,11 +91,6 @@ def grown(counts: UInt32, height: int, width: int) -> UInt32:
         (H, W), not changed.
     height, width
         Least rows and columns.
-
-    Returns
-    -------
-    ndarray of uint32
-        Zero in added pixels.
     """
     if counts.shape[0] >= height and counts.shape[1] >= width:
         return counts
@@ -115,11 +110,6 @@ def keep_histograms(values: Mapping[str, Int64], pixels: UInt32 | None, seconds:
         (H, W) events of each pixel; None where none were counted.
     seconds
         Time over which events were counted, s.
-
-    Returns
-    -------
-    TitledArrays
-        By the names of ``record/evidence.py``.
     """
     histograms = []
     for quantity, counts in values.items():
@@ -151,17 +141,12 @@ def seconds_of(facts: Facts, bounds_ns: Iterable[tuple[int, int]]) -> float:
 
 
 def padded_sum(earlier: UInt32, later: UInt32) -> UInt32:
-    """Add counts of pixels; neither array is changed.
+    """Add counts of pixels, (H, W) of the larger height and the larger width; neither array is changed.
 
     Parameters
     ----------
     earlier, later
         (H, W) of any sizes.
-
-    Returns
-    -------
-    ndarray of uint32
-        (H, W) of the larger height and the larger width.
     """
     total = grown(earlier, *later.shape)
     # ``grown`` returns its argument where that is large enough: states of two windows must not share an array.

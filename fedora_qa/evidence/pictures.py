@@ -31,7 +31,7 @@ def block_px(width: int, picture_width_px: int) -> int:
 
 
 def picture_shape(height: int, width: int, block: int) -> tuple[int, int]:
-    """Return rows and columns of a picture; pixels that fill no whole block are left out.
+    """Return rows and columns of a picture, 1 at least; pixels that fill no whole block are left out.
 
     Parameters
     ----------
@@ -39,11 +39,6 @@ def picture_shape(height: int, width: int, block: int) -> tuple[int, int]:
         Of the image, px.
     block
         Side of a block, px.
-
-    Returns
-    -------
-    tuple
-        (rows, columns), 1 at least.
     """
     return max(height // block, 1), max(width // block, 1)
 
@@ -94,7 +89,7 @@ def mean_values(image: NDArray[Any], block: int) -> Float32:
 
 
 def events_of_pixels(x: NDArray[Any], y: NDArray[Any], p: NDArray[Any], size: tuple[int, int], block: int) -> UInt16:
-    """Return the number of events of each polarity in each block of a sensor's pixels.
+    """Return the number of events of each polarity in each block of a sensor's pixels: (2, h, w), at most 65535.
 
     Parameters
     ----------
@@ -106,11 +101,6 @@ def events_of_pixels(x: NDArray[Any], y: NDArray[Any], p: NDArray[Any], size: tu
         Height and width of the sensor, px.
     block
         Side of a block, px.
-
-    Returns
-    -------
-    ndarray of uint16
-        (2, h, w), at most 65535.
     """
     rows, columns = picture_shape(*size, block)
     # Pixels beyond the last whole block are left out.
@@ -122,7 +112,7 @@ def events_of_pixels(x: NDArray[Any], y: NDArray[Any], p: NDArray[Any], size: tu
 
 
 def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
-    """Return the sum of each block of counts.
+    """Return the sum of each block of counts: (..., h, w), at most 65535.
 
     Parameters
     ----------
@@ -130,11 +120,6 @@ def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
         (..., H, W).
     block
         Side of a block, px.
-
-    Returns
-    -------
-    ndarray of uint16
-        (..., h, w), at most 65535.
     """
     *before, height, width = counts.shape
     rows, columns = picture_shape(height, width, block)

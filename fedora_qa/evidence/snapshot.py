@@ -103,7 +103,7 @@ def take_snapshot(
     families: frozenset[str] | None = None,
     events_ns: int = EVENTS_NS,
 ) -> Snapshot:
-    """Take pictures of every stream near an instant of a window.
+    """Take pictures of every stream near an instant of a window; without the pictures of rows that cannot be decoded.
 
     Parameters
     ----------
@@ -119,11 +119,6 @@ def take_snapshot(
         The streams to take (``flow`` is every rate); None: all.
     events_ns
         Time over which events are counted, ns, half before and half after the instant.
-
-    Returns
-    -------
-    Snapshot
-        Without the pictures of rows that cannot be decoded.
     """
     rows = rows or {}
     draw: dict[str, Callable[[], Picture | None]] = {
@@ -343,11 +338,6 @@ def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mappin
         With the clocks of the file.
     count
         Number of times; fewer where there are fewer images.
-
-    Returns
-    -------
-    Mapping[int, tuple[int, ...]]
-        Ns from the file's origin.
     """
     # The stream of images with the fewest rows that are enough; the one with the most where none has.
     streams = [name for name in ("rgb", "depth", *facts.flow_streams) if name in facts.clocks]
@@ -373,7 +363,7 @@ def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mappin
 
 
 def fitting_width_px(facts: Facts, options: EvidenceOptions, snapshots: int) -> int:
-    """Return the greatest width of pictures, px, with which a number of snapshots fits into the size.
+    """Return the greatest width of pictures, px, with which a number of snapshots fits into the size; 16 px at least.
 
     Parameters
     ----------
@@ -383,11 +373,6 @@ def fitting_width_px(facts: Facts, options: EvidenceOptions, snapshots: int) -> 
         Size of the pictures, and their largest width.
     snapshots
         Number of snapshots.
-
-    Returns
-    -------
-    int
-        16 px at least.
     """
     widths = range(options.picture_width_px, _LEAST_WIDTH_PX, -1)
     fits = (width for width in widths if snapshots * snapshot_bytes(facts, width) <= options.size_bytes)
@@ -403,11 +388,6 @@ def snapshot_bytes(facts: Facts, width_px: int) -> int:
         With the sizes of the images.
     width_px
         Largest width of pictures, px.
-
-    Returns
-    -------
-    int
-        Uncompressed size.
     """
     sizes: dict[str, int] = {}
     flow = {f"path/{stream}": _FLOW_BYTES_PER_PX for stream in facts.flow_streams}

@@ -84,11 +84,6 @@ def keep_worst_locations(
     images
         Largest number of images that may be decoded. One location needs one image of each stream, and the frame at the
         end of the flow. The rest is used for the frames before and after the locations, the gravest first.
-
-    Returns
-    -------
-    TitledArrays
-        Pictures and boxes by the id of the finding.
     """
     streams = sum(name in facts.clocks for name in ("rgb", "depth")) + bool(facts.flow_streams)
     # The residual also needs the frame at the end of the field's interval.
@@ -143,7 +138,7 @@ def images_of(spans: Iterable[Span]) -> int:
 def worst_locations(
     findings: Iterable[Finding], spans: Sequence[Span], facts: Facts, most: int
 ) -> tuple[WorstLocation, ...]:
-    """Return the locations of the gravest findings that have one, each location once.
+    """Return the locations of the gravest findings that have one, each location once; the gravest first.
 
     Parameters
     ----------
@@ -155,11 +150,6 @@ def worst_locations(
         Of the file.
     most
         Largest number of locations.
-
-    Returns
-    -------
-    tuple
-        The gravest first.
     """
     locations: dict[object, WorstLocation] = {}
     for finding in sorted(findings, key=lambda finding: _SEVERITY_RANK[finding.severity]):
@@ -171,17 +161,7 @@ def worst_locations(
 
 
 def location_of(finding: Finding, spans: Sequence[Span], facts: Facts) -> WorstLocation | None:
-    """Return the location of a finding; None where the finding concerns the whole file, or lies in no window.
-
-    Parameters
-    ----------
-    finding
-        With its stream, rows, time, pixel or tile.
-    spans
-        All windows of the file.
-    facts
-        Of the file.
-    """
+    """Return the location of a finding; None where the finding concerns the whole file, or lies in no window."""
     where = finding.where
     # The frame that the finding names, of its stream or else of colour.
     rows: dict[str, int] = {}
@@ -220,17 +200,6 @@ def _location_beside(location: WorstLocation, step: int, spans: Sequence[Span], 
     """Return the location a number of frames later or earlier; None where there is no such frame or timestamp.
 
     If the finding names a field of flow, the field nearest to that frame is taken.
-
-    Parameters
-    ----------
-    location
-        Of the finding.
-    step
-        Number of frames, negative for earlier ones.
-    spans
-        All windows of the file.
-    facts
-        Of the file.
     """
     stream = next((name for name in _FRAMES if name in facts.clocks and facts.clocks[name].usable), None)
     if stream is None:

@@ -174,11 +174,6 @@ def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mappi
     The time of a row is the latest timestamp up to it, as in windows, so that the rows of a piece are contiguous
     whatever the timestamps. Of flow, whole intervals are taken. A stream without usable timestamps, or with those of
     another time or unit, contributes the share of its rows that the piece is of the shared time.
-
-    Parameters
-    ----------
-    counts
-        Rows of each stream.
     """
     kept: dict[str, CutRows] = {}
     events = scanned.facts.events

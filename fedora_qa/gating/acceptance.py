@@ -128,13 +128,7 @@ class Waiver:
 
 
 def require_legal_names(waiver: Waiver, checks: Collection[str]) -> None:
-    """Raise ``MisuseError`` for a check, rule or cause that does not exist: such a waiver would never cover a finding.
-
-    Parameters
-    ----------
-    checks
-        Names of all checks, and of the rules about a release.
-    """
+    """Raise ``MisuseError`` for a check, rule or cause that does not exist: such a waiver never covers a finding."""
     where = f"in the waiver of {waiver.owner} for {waiver.file}"
     if waiver.check not in checks:
         raise MisuseError(f"Expected a check {where}, got {waiver.check!r}{did_you_mean(waiver.check, checks)}")
@@ -168,13 +162,7 @@ def waive(name: str, file: FileRecord, waivers: Iterable[Waiver], today: date) -
 
 
 def rule_on_waivers(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[Waiver], today: date) -> ReleaseResult:
-    """Every waiver is needed, and none has expired.
-
-    Parameters
-    ----------
-    files
-        Name and record of every file, before anything was waived.
-    """
+    """Every waiver is needed, and none has expired."""
     question = "Is every waiver needed, and none expired?"
     named, waivers, violations = tuple(files), tuple(waivers), []
     if not waivers:

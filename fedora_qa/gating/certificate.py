@@ -111,13 +111,7 @@ read_certificate = CERTIFICATE.read
 
 
 def certificate_of(record: Record, policy: Policy, policy_sha256: str, digests: Mapping[str, str]) -> Certificate:
-    """Return the certificate of a release whose gate's record is clean.
-
-    Parameters
-    ----------
-    digests
-        SHA-256 of all of each sequence, by its name.
-    """
+    """Return the certificate of a release whose gate's record is clean."""
     named = tuple(named_files(record))
     folder = Path(record.files[-1].path)
     files = []
@@ -158,13 +152,6 @@ def certificate_of(record: Record, policy: Policy, policy_sha256: str, digests: 
 
 def differences(certificate: Certificate, folder: Path, today: date) -> tuple[str, ...]:
     """Return what differs from what was certified, a sentence each; empty where nothing does.
-
-    Parameters
-    ----------
-    folder
-        The release as it is now.
-    today
-        The day on which waivers are tested.
 
     Raises
     ------

@@ -117,15 +117,7 @@ class SequenceWriter:
             dataset.append(rows)
 
     def finish(self, *, cameras: Mapping[str, Resolution], root: Mapping[str, str]) -> None:
-        """Write the rows that wait, index maps, and what is declared.
-
-        Parameters
-        ----------
-        cameras
-            Size of the images of each camera.
-        root
-            Attributes of the file, besides its format and version.
-        """
+        """Write the rows that wait, index maps, and what is declared."""
         for dataset in self._datasets.values():
             dataset.finish()
         self._chunks.finish()

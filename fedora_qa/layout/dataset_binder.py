@@ -345,13 +345,6 @@ def _columns(spec: DatasetSpec, place: DatasetPlace) -> tuple[int, ...] | None:
 def _holds_without_loss(spec: DatasetSpec, dtype: np.dtype[Any]) -> bool:
     """Return whether another type than the layout's holds the values of a dataset as they were meant.
 
-    Parameters
-    ----------
-    spec
-        Of the dataset.
-    dtype
-        As stored.
-
     Returns
     -------
     bool

@@ -208,15 +208,7 @@ class ChunkWriter:
 
 
 def _encoded_chunk(rows: NDArray[Any], level: int, shuffle: int) -> bytes:
-    """Return a chunk as HDF5 stores it: compressed by Blosc-Zstandard, with the checksum behind it.
-
-    Parameters
-    ----------
-    rows
-        All rows of the chunk.
-    level, shuffle
-        Of Blosc.
-    """
+    """Return a chunk as HDF5 stores it: compressed by Blosc-Zstandard, with the checksum behind it."""
     chunk: bytes = blosc.compress(rows, b"zstd", level, shuffle, _BLOCK_BYTES)
     return chunk + checksum_of(chunk)
 

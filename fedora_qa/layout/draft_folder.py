@@ -52,20 +52,7 @@ _ANGLES: Final = ("orient", "euler", "rpy", "attitude")
 
 
 def draft_folder(folder: Path, name: str) -> str:
-    """Return the text of a dialect for a folder, with every guess and its reason, and what nothing was guessed for.
-
-    Parameters
-    ----------
-    folder
-        Of which the first rows, and the first images, are read.
-    name
-        Name of the dialect.
-
-    Returns
-    -------
-    str
-        TOML.
-    """
+    """Return the text of a dialect for a folder, with every guess and its reason, and what nothing was guessed for."""
     groups = file_groups(folder)
     items: list[StoredObject] = []
     unread: list[str] = []

@@ -503,22 +503,7 @@ def _stream_of(key: str) -> str:
 
 
 def _similar_path(file: h5py.File, path: str, external_files: ExternalFiles | None = None) -> str | None:
-    """Return a path in the file that is nearly a missing one of the layout and that the layout lacks.
-
-    Parameters
-    ----------
-    file
-        The open file.
-    path
-        Canonical path of a dataset that the file does not hold.
-    external_files
-        Which other files it may read from.
-
-    Returns
-    -------
-    path
-        Where the first part of ``path`` that is missing has a name like it beside it; None: there is none.
-    """
+    """Return a path in the file that is nearly a missing one of the layout and that the layout lacks."""
     parts = path.split("/")
     for depth, part in enumerate(parts):
         parent = "/".join(parts[:depth])

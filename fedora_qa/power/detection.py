@@ -52,11 +52,6 @@ def share_of(count: int, of: int) -> Share:
     Source: Clopper and Pearson, "The use of confidence or fiducial limits illustrated in the case of the binomial",
     Biometrika 1934, in its beta form. It covers the true share with at least the confidence, whatever that share is.
 
-    Parameters
-    ----------
-    count, of
-        Successes, and trials.
-
     Raises
     ------
     ValueError

@@ -97,11 +97,6 @@ def fit_probit(log_sizes: Array, detected: NDArray[np.bool_]) -> ProbitFit:
     detected
         (n,) whether each fault was found.
 
-    Returns
-    -------
-    ProbitFit
-        The best curve, and all that the trials do not rule out.
-
     Raises
     ------
     ValueError

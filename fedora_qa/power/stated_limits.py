@@ -93,11 +93,6 @@ def stated_limits(
         The trials of the cause, sizes in one unit.
     clean
         The clean trials, by file.
-
-    Returns
-    -------
-    tuple[tuple[StatedLimit, ...], tuple[NotComparable, ...]]
-        The checks whose limits can be compared, and those whose limits cannot, with the reason.
     """
     comparable: list[StatedLimit] = []
     others: list[NotComparable] = []

@@ -406,13 +406,6 @@ def changed_declarations(
 ) -> tuple[Declaration, ...]:
     """Return the declarations that differ, in the order of the layout.
 
-    Parameters
-    ----------
-    before, after
-        Without and with the repair.
-    supplied
-        What the dialect, or a file beside the sequence, declares, by canonical key.
-
     Raises
     ------
     NotRepairableError

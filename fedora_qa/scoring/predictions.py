@@ -39,17 +39,7 @@ _SAME_INSTANT_US: Final = 1
 
 
 class Predictions(Protocol):
-    """Predictions of streams by row.
-
-    Attributes
-    ----------
-    path
-        The file or folder.
-    streams
-        The streams that can be scored.
-    others
-        The other streams that it holds.
-    """
+    """Predictions of streams by row."""
 
     path: Path
     streams: frozenset[str]
@@ -227,7 +217,7 @@ def open_predictions(path: Path, form: PredictionsForm | None) -> Iterator[Predi
 
 
 def matched_rows(truth_us: Int64, predicted_us: Int64, of: str) -> Int64:
-    """Return which prediction is of which row of the truth.
+    """Return which row of the predictions (n,) is of each row of the truth; -1 where there is none.
 
     Parameters
     ----------
@@ -235,11 +225,6 @@ def matched_rows(truth_us: Int64, predicted_us: Int64, of: str) -> Int64:
         (n,) and (m,) timestamps, or (n, 2) and (m, 2) intervals, us on the same clock, in any order.
     of
         The stream and where its predictions lie, for messages.
-
-    Returns
-    -------
-    ndarray of int64
-        (n,) row of the prediction; -1 where there is none.
 
     Raises
     ------

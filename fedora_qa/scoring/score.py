@@ -68,15 +68,7 @@ _ALIGNMENTS: Final[tuple[Alignment, ...]] = ("none", "rigid", "similarity")
 
 
 class _PairedSequence:
-    """The truth and its predictions.
-
-    Attributes
-    ----------
-    truth, predicted
-        Both open.
-    notes
-        Remarks for the reader of the score.
-    """
+    """The truth and its predictions."""
 
     def __init__(self, truth: Sequence, predicted: Predictions) -> None:
         self.truth = truth

@@ -107,15 +107,7 @@ class TracedFields:
 
 
 def changed_inputs(before: Any, after: Any, name: str) -> Iterator[str]:
-    """Yield the names, as ``TracedFields`` and ``TracedMapping`` note them, of what differs between two facts.
-
-    Parameters
-    ----------
-    before, after
-        Facts, or parts of them.
-    name
-        Of both as an input.
-    """
+    """Yield the names, as ``TracedFields`` and ``TracedMapping`` note them, of what differs between two facts."""
     if before is after:
         return
     if isinstance(before, Facts | Declared) and type(before) is type(after):

@@ -278,7 +278,7 @@ class _NearestEvents:
 
 
 def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
-    """Scan a sequence's timestamps and index maps.
+    """Scan a sequence's timestamps and index maps: facts, cells of all rows, and an index of event times.
 
     Parameters
     ----------
@@ -286,11 +286,6 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         The open file.
     cell_ns
         Length of the windows that will be cut, on a grid that begins at the file's origin.
-
-    Returns
-    -------
-    Scan
-        Facts, cells of all rows, and an index of event times.
     """
     streams = set(sequence.layout.streams)
     absent = dict(sequence.layout.absent)

@@ -65,13 +65,6 @@ class SequenceRows(Protocol):
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
         """Return rows of a dataset in canonical units; timestamps as int64 ns from the origin.
 
-        Parameters
-        ----------
-        key
-            Canonical key of the dataset.
-        start, stop
-            First row, and the row after the last.
-
         Returns
         -------
         ndarray

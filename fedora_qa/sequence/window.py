@@ -332,7 +332,7 @@ class Window:
         return metres
 
     def flow_px(self, stream: str, field: int) -> NDArray[np.float32]:
-        """Return a flow field, NaN where invalid.
+        """Return a flow field, NaN where invalid: (H, W, 2) px over its interval, u right and v down.
 
         Parameters
         ----------
@@ -340,11 +340,6 @@ class Window:
             ``flow/<rate>hz``.
         field
             Row of the field.
-
-        Returns
-        -------
-        ndarray of float32
-            (H, W, 2) px over its interval, u right and v down.
         """
         return cast("NDArray[np.float32]", self.rows(f"path/{stream}", field, field + 1)[0])
 

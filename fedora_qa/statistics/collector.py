@@ -130,28 +130,13 @@ class StatisticsCollector:
         return frozenset(stream for stream in facts.streams if in_families(stream, self._families))
 
     def merge(self, state: list[WindowStatistics], later: list[WindowStatistics]) -> list[WindowStatistics]:
-        """Return the state of the windows of both.
-
-        Parameters
-        ----------
-        state
-            Of earlier windows.
-        later
-            Of later windows.
-        """
+        """Return the state of the windows of both."""
         return state + later
 
     def conclude(self, state: Sequence[WindowStatistics], facts: Facts) -> Statistics:
         """Return the statistics by group and name; units are the ends of the names.
 
         Distance and speeds are None where not every pose was read, or there are too few.
-
-        Parameters
-        ----------
-        state
-            Of all decoded windows.
-        facts
-            Of the file.
         """
         groups: dict[str, Mapping[str, Scalar]] = {"sequence": _sequence(state, facts), "motion": _motion(state, facts)}
         streams = self._streams(facts)

@@ -99,7 +99,7 @@ def added(parts: Iterable[ValueMoments]) -> ValueMoments:
 
 
 def sampled_depth_m(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return the depth at the sampled pixels of a frame, once a window.
+    """Return the depth at the sampled pixels of a frame, once a window: (h, w) m; NaN where invalid.
 
     These are every fourth column of every fourth row, all pixels of small images, and fewer of large ones.
 
@@ -109,11 +109,6 @@ def sampled_depth_m(window: Window, frame: int) -> NDArray[np.float32]:
         A window of the sequence. It keeps the result.
     frame
         Row of the depth stream.
-
-    Returns
-    -------
-    ndarray of float32
-        (h, w) m; NaN where invalid.
     """
     return window.derived(_sampled_depth_m, frame)
 
@@ -139,7 +134,7 @@ def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.flo
 
 
 def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return the luma of the stored codes at the sampled pixels of a colour frame, once a window.
+    """Return the luma of the stored codes at the sampled pixels of a colour frame, once a window: (h, w) DN.
 
     Parameters
     ----------
@@ -147,11 +142,6 @@ def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
         A window of the sequence. It keeps the result.
     frame
         Row of the colour frame.
-
-    Returns
-    -------
-    ndarray of float32
-        (h, w) DN.
     """
     return window.derived(_sampled_luma_dn, frame)
 

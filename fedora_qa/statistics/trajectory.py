@@ -141,11 +141,6 @@ def velocities(times_s: Float64, positions_m: Float64) -> Float64 | None:
         (n,) increasing.
     positions_m
         (n, 3) in the world.
-
-    Returns
-    -------
-    Float64 | None
-        (n, 3) m/s in the world, at each sample; None where there are too few samples.
     """
     if len(times_s) < _FEWEST_SAMPLES:
         return None

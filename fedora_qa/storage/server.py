@@ -240,20 +240,7 @@ def changed_error(place: RemoteFile) -> StorageError:
 
 
 def _failure_of(error: BaseException, place: RemoteFile) -> StorageError:
-    """Return the error for a failed request. Raise it ``from None``: the text of its cause may hold secrets.
-
-    Parameters
-    ----------
-    error
-        The error of a library; of it and the errors that led to it, the most specific decides.
-    place
-        The file that was requested.
-
-    Returns
-    -------
-    StorageError
-        It states what was expected, and what the server gave in its place.
-    """
+    """Return the error for a failed request. Raise it ``from None``: the text of its cause may hold secrets."""
     errors = tuple(_chain(error))
     status, certificate = _status(errors), _certificate(errors)
     unreached = _any_of_type(errors, ConnectionError) or _any_named(

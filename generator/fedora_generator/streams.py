@@ -127,11 +127,6 @@ def create_frames(
         Length of the sequence, us.
     streams
         Names of streams, of which rgb, depth and flow are created.
-
-    Returns
-    -------
-    FrameRenderer
-        Renders a frame into the datasets.
     """
     camera, rates = colour_camera(scene.camera), scene.rates
     rgb_us, depth_us = (timestamps_us(duration_us, rate_hz) for rate_hz in (rates.frames_hz, rates.of_depth_hz))

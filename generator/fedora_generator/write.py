@@ -97,17 +97,7 @@ EVENT_ATTRIBUTES: Final = (
 
 
 def write_root(file: h5py.File, scene: Scene, world: str) -> None:
-    """Write format and origin of the sequence as attributes of the file.
-
-    Parameters
-    ----------
-    file
-        An open file.
-    scene
-        Its name, light, digest and seed.
-    world
-        Name of the surroundings of the flight.
-    """
+    """Write format and origin of the sequence as attributes of the file."""
     _set(
         file,
         {

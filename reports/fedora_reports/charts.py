@@ -120,7 +120,7 @@ def distributions_of(evidence: Evidence) -> tuple[Chart, ...]:
 def series_chart(
     points: Array, title: str, before: Array | None = None, level: float | None = None, *, from_zero: bool = False
 ) -> Chart | None:
-    """Draw a series as a line.
+    """Draw a series as a line; None where no point is finite.
 
     Parameters
     ----------
@@ -134,11 +134,6 @@ def series_chart(
         Height that a line marks, on an axis from 0 on.
     from_zero
         Whether the axis up begins at 0 without these as well.
-
-    Returns
-    -------
-    Chart or None
-        None where no point is finite.
     """
     values = np.asarray(points, dtype=np.float64)
     earlier = np.empty((0, 2)) if before is None else np.asarray(before, dtype=np.float64)

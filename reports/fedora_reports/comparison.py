@@ -198,15 +198,7 @@ class ComparisonPage:
 
 
 def render_comparison(comparison: Comparison, shared: Sequence[SharedEvidence] = ()) -> str:
-    """Return a comparison as one HTML document, which runs the script of the reports alone and loads no other file.
-
-    Parameters
-    ----------
-    comparison
-        The document.
-    shared
-        Pictures and paths of files that several subjects have, to be shown beside each other.
-    """
+    """Return a comparison as one HTML document, which runs the script of the reports alone and loads no other file."""
     page = page_of(COMPARISON.from_json(COMPARISON.to_json(comparison)), shared)
     return rendered("comparison.html.j2", page)
 
@@ -245,20 +237,7 @@ def page_of(comparison: Comparison, shared: Sequence[SharedEvidence] = ()) -> Co
 
 
 def overlay_chart(overlay: Overlay, comparison: Comparison) -> OverlayChart | None:
-    """Draw the shares of all subjects per octave, as steps.
-
-    Parameters
-    ----------
-    overlay
-        Shares of one quantity by subject, in bins of which the first begins at 0.
-    comparison
-        Gives the names of the subjects, and the distances between them.
-
-    Returns
-    -------
-    OverlayChart or None
-        None where no subject has values above the first bin.
-    """
+    """Draw the shares of all subjects per octave, as steps; None where no subject has values above the first bin."""
     edges = np.array(overlay.edges)
     above = edges[:-1] > 0
     shares_by_place = {

@@ -48,17 +48,7 @@ class DetectionPowerRow:
 def detection_power_rows(
     detection_power: PassDetectionPower, results: Sequence[Result], anchors: Sequence[str]
 ) -> tuple[DetectionPowerRow, ...]:
-    """Return a row for each fault whose best check was run on this file.
-
-    Parameters
-    ----------
-    detection_power
-        The detectable causes of all checks.
-    results
-        The results of the file.
-    anchors
-        The identifier of each result on the page.
-    """
+    """Return a row for each fault whose best check was run on this file."""
     by_check = {result.check: (result, anchor) for result, anchor in zip(results, anchors, strict=True)}
     rows = []
     for row in detection_power.causes:
@@ -95,15 +85,7 @@ class PassLimits:
 
 
 def pass_limits_of(results: Sequence[Result], anchors: Sequence[str]) -> PassLimits | None:
-    """Return what the passes of a file exclude; None where no check passed.
-
-    Parameters
-    ----------
-    results
-        The results of the file.
-    anchors
-        The identifier of each result on the page.
-    """
+    """Return what the passes of a file exclude; None where no check passed."""
     rows, exact, unobserved = list[CheckLimit](), list[Link](), list[tuple[Link, str]]()
     for result, anchor in zip(results, anchors, strict=True):
         link = Link(anchor, result.check)

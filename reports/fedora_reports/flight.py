@@ -52,7 +52,7 @@ class Flight:
 
 
 def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight | None:
-    """Return the pictures of the path.
+    """Return the pictures of the path; None where no path was kept.
 
     Parameters
     ----------
@@ -60,11 +60,6 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
         The arrays of the file.
     findings
         The findings of the file; grave ones are marked where the body was when they begin.
-
-    Returns
-    -------
-    Flight or None
-        None where no path was kept.
     """
     poses = poses_of(evidence)
     if poses is None:

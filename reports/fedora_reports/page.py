@@ -143,15 +143,7 @@ class Provenance:
 
 
 def file_provenance(file: FileRecord, evidence: Evidence) -> Provenance:
-    """Return the identity of a file, what was inferred about it, and the arrays that were kept of it.
-
-    Parameters
-    ----------
-    file
-        The record of the file.
-    evidence
-        The arrays of the file.
-    """
+    """Return the identity of a file, what was inferred about it, and the arrays that were kept of it."""
     digest = f"{file.sha256}{' (of parts of the file)' if file.digest_kind == 'partial' else ''}"
     facts = [
         ("Path", file.path),

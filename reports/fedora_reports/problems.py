@@ -71,19 +71,7 @@ class Problems:
 
 
 def problems_of(file: FileRecord, evidence: Evidence, pictures: Pictures, anchors: Anchors) -> Problems:
-    """Return each finding once, with links to the causes that explain it.
-
-    Parameters
-    ----------
-    file
-        The record of the file.
-    evidence
-        The arrays of the file.
-    pictures
-        The snapshots along the sequence, and the worst places of findings.
-    anchors
-        The identifiers on the page.
-    """
+    """Return each finding once, with links to the causes that explain it."""
     causes_of: dict[str, list[Link]] = {}
     for k, diagnosis in enumerate(file.diagnoses):
         for finding_id in dict.fromkeys(diagnosis.explains):

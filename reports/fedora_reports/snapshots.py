@@ -88,13 +88,6 @@ def snapshots_of(evidence: Evidence) -> tuple[Snapshot, ...]:
 def worst_location_of(evidence: Evidence, finding: str) -> tuple[Snapshot, ...]:
     """Return the snapshot at the worst place of a finding with those of the frames beside it, in the order of time.
 
-    Parameters
-    ----------
-    evidence
-        The arrays of one file.
-    finding
-        The identifier of the finding.
-
     Returns
     -------
     tuple of Snapshot

@@ -54,19 +54,7 @@ class Pictures:
 def pictures_of(
     evidence: Evidence, findings: Iterable[str], anchors: Anchors, diagnoses: Iterable[str] = ()
 ) -> Pictures:
-    """Draw every snapshot of a file.
-
-    Parameters
-    ----------
-    evidence
-        The arrays of the file.
-    findings
-        The identifiers of the findings of the file.
-    anchors
-        The identifiers on the page.
-    diagnoses
-        The identifiers of the diagnoses of the file.
-    """
+    """Draw every snapshot of a file."""
     snapshots = snapshots_of(evidence)
     of_trials = {item: pair for item in diagnoses if (pair := trial_snapshots_of(evidence, item))}
     by_finding = {item: located for item in dict.fromkeys(findings) if (located := worst_location_of(evidence, item))}

@@ -123,15 +123,6 @@ def timeline_of(
 ) -> Timeline | None:
     """Return the timeline of a file.
 
-    Parameters
-    ----------
-    evidence
-        The arrays of the file, with the samples of each stream in bins of time.
-    findings
-        The findings of the file.
-    snapshots
-        The snapshots along the sequence.
-
     Returns
     -------
     Timeline or None

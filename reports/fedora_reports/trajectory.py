@@ -68,11 +68,6 @@ def render_trajectory(
     time_limit_s
         For the picture in space.
 
-    Returns
-    -------
-    TrajectoryPicture
-        The picture, or the reason for which there is none.
-
     Raises
     ------
     ValueError
@@ -98,15 +93,7 @@ def render_trajectory(
 
 
 def flat_views(path: FlownPath, marks: Sequence[Mark]) -> tuple[str, str]:
-    """Return two views of a path as SVG, and their caption.
-
-    Parameters
-    ----------
-    path
-        The path, which may have no pose.
-    marks
-        Findings to be marked on it.
-    """
+    """Return two views of a path as SVG, and their caption."""
     if not path.runs:
         return without_path(), _NO_PATH
     marked = " Diamonds mark findings, each where the body was when it begins." if marks else ""

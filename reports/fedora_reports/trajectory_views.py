@@ -121,13 +121,7 @@ def draw_views(path: FlownPath, marks: Sequence[Mark] = ()) -> str:
 
 
 def draw_paths(path_by_place: Mapping[int, FlownPath]) -> str:
-    """Return several paths from above in one picture, of one scale in both directions.
-
-    Parameters
-    ----------
-    path_by_place
-        Paths of at least one pose, by the place of their subject, which gives a line its colour.
-    """
+    """Return several paths from above in one picture, of one scale in both directions."""
     box = box_around(np.concatenate([path.positions_world_m for path in path_by_place.values()]))
     sides_m = box.high_m - box.low_m
     scale_px_m = min(_SPACE_ABOVE[0] / float(sides_m[0]), _SPACE_ABOVE[1] / float(sides_m[1]))

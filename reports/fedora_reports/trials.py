@@ -60,17 +60,7 @@ class TrialView:
 
 
 def trial_of(evidence: Evidence, diagnosis: str, pictures: tuple[SnapshotRow, SnapshotRow] | None) -> TrialView | None:
-    """Return what was kept of the trial of a diagnosis; None where nothing was.
-
-    Parameters
-    ----------
-    evidence
-        The arrays of the file.
-    diagnosis
-        Its identifier.
-    pictures
-        Before and after undoing.
-    """
+    """Return what was kept of the trial of a diagnosis; None where nothing was."""
     group = named(TRIALS, diagnosis)
     if pictures is None and not any(evidence.under(group)):
         return None

@@ -71,15 +71,7 @@ class World:
 
 
 def world_of(evidence: Evidence, path: FlownPath) -> World | None:
-    """Return the world around a path; None where no points were kept, or their arrays do not fit.
-
-    Parameters
-    ----------
-    evidence
-        The arrays of the file.
-    path
-        With a pose at least.
-    """
+    """Return the world around a path; None where no points were kept, or their arrays do not fit."""
     times_us = evidence.numbers(named(POINT_CLOUD, "times_us"), None)
     origin_m = evidence.numbers(named(POINT_CLOUD, "origin_world_m"), 3)
     offsets_m = evidence.numbers(named(POINT_CLOUD, "offsets_m"), None, 3)

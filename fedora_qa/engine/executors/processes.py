@@ -34,15 +34,7 @@ _SILENCE_S: Final = 0.1
 
 
 class ProcessExecutor:
-    """Does as many tasks at once as it has processes.
-
-    Parameters
-    ----------
-    jobs
-        How many processes.
-    threads
-        How many threads each of them may use for images.
-    """
+    """Does as many tasks at once as it has processes."""
 
     def __init__(self, jobs: int, threads: int = 1) -> None:
         self.capacity = self.sharing = jobs

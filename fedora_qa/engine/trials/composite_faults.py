@@ -138,26 +138,7 @@ def _with_first_undone(
     materiality: Materiality,
     progress: Progress,
 ) -> CauseExplanation | None:
-    """Name the causes of what fails with a first one undone.
-
-    Parameters
-    ----------
-    alone
-        What could be the causes, each tested alone.
-    first, trial
-        Cause and stream of the first, and its trial.
-    explained
-        Findings that the first explains.
-    cleared
-        Findings that the causes clear, each tested alone.
-    materiality, progress
-        As of ``name_causes``.
-
-    Returns
-    -------
-    CauseExplanation | None
-        With the first and the others; None where they clear no more than each alone, or the work does not suffice.
-    """
+    """Name the causes of what fails with a first one undone."""
     bench = alone.bench
     without = bench.without(trial.fault, materiality)
     if without is None:
@@ -235,19 +216,7 @@ def _with_others_undone(
 def _in_turn(
     first: tuple[str, str], apart: CauseExplanation, rest: CauseExplanation, counterparts: Mapping[str, str | None]
 ) -> CauseExplanation:
-    """Return the causes of a file of which one was undone before the others were named.
-
-    Parameters
-    ----------
-    first
-        Cause and stream of the one that was undone.
-    apart
-        Causes of the file, each tested alone.
-    rest
-        Causes of what failed with it undone.
-    counterparts
-        Findings of the file, by those with it undone.
-    """
+    """Return the causes of a file of which one was undone before the others were named."""
 
     def translated(findings: Sequence[str]) -> tuple[str, ...]:
         return tuple(identifier for finding in findings if (identifier := counterparts[finding]))

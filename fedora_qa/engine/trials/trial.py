@@ -209,11 +209,6 @@ class TrialBench:
     def left_of(self, alarms: Sequence[Alarm], strict: Mapping[str, Result]) -> dict[str, float]:
         """Return which part of the deviations of another run is left in this one, where they exceed their limits.
 
-        Parameters
-        ----------
-        alarms, strict
-            Of the other run.
-
         Returns
         -------
         dict

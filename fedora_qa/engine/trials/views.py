@@ -69,17 +69,7 @@ class SequenceViews:
         return SequenceViews(ready.facts, {span.index: span for span in ready.spans}, decoder, own)
 
     def prepared(self, view: SequenceRows, ready: Prepared, rows: Inputs) -> Prepared:
-        """Return a view of the sequence ready to be measured with what the others have made.
-
-        Parameters
-        ----------
-        view
-            The sequence, or a view of it.
-        ready
-            Its timestamps and windows.
-        rows
-            Keys of the datasets that the view alters.
-        """
+        """Return a view of the sequence ready to be measured with what the others have made."""
         altered = rows.union(changed_inputs(self.facts, ready.facts, FACTS))
         return replace(ready, decoder=ViewDecoder(view, ready.scanned, self, altered))
 

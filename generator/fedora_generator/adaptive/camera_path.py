@@ -65,7 +65,7 @@ class CameraPath:
 
 
 def camera_paths(world: ExactWorld, camera: Camera, flight: Flight, start_ns: int, stop_ns: int) -> list[CameraPath]:
-    """Paths past the bodies of a world, each short enough for its polynomials.
+    """Paths past the bodies of a world, each short enough for its polynomials; one after the other from start to stop.
 
     Parameters
     ----------
@@ -77,11 +77,6 @@ def camera_paths(world: ExactWorld, camera: Camera, flight: Flight, start_ns: in
         The trajectory of the body.
     start_ns, stop_ns
         Ends of the time, ns of the flight's clock.
-
-    Returns
-    -------
-    paths
-        One after the other from start to stop.
 
     Raises
     ------

@@ -123,11 +123,6 @@ def follow_tiles(
         Number of the thread that runs this.
     first, stop
         Its share of ``tiles``.
-
-    Returns
-    -------
-    rendered
-        Number of pixels that were rendered.
     """
     rendered = 0
     for index in range(first, stop):

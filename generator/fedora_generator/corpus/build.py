@@ -111,17 +111,7 @@ def _require_disk_space(folder: Path, needed_bytes: int) -> None:
 
 
 def missing_bytes(plan: Sequence[PlannedFile], sizes: dict[str, int], earlier: dict[str, Item]) -> int:
-    """Return the bytes of the planned files that an earlier run has not made.
-
-    Parameters
-    ----------
-    plan
-        Files of the corpus.
-    sizes
-        Bytes of a sequence, by scene.
-    earlier
-        Items of an earlier run, by file.
-    """
+    """Return the bytes of the planned files that an earlier run has not made."""
     missing = Counter(planned.scene for planned in plan if planned.file not in earlier)
     return sum(count * sizes[scene] for scene, count in missing.items())
 

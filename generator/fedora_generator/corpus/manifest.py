@@ -75,17 +75,6 @@ def digest_of(path: Path) -> str:
 def write_listing(path: Path, made_with: Item, items: Iterable[Item], skipped: Iterable[Item]) -> None:
     """Write a manifest in one step; the same content gives the same bytes.
 
-    Parameters
-    ----------
-    path
-        Of the manifest.
-    made_with
-        What every file depends on.
-    items
-        Files that are complete.
-    skipped
-        Faults that could not be planted, with the reason.
-
     Raises
     ------
     OutputError

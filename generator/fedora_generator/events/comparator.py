@@ -108,11 +108,6 @@ def list_active(words: Words, row: int, candidates: Words, pixels: Pixels, count
         List with room for the row and a word more.
     count
         Pixels in the list so far.
-
-    Returns
-    -------
-    count
-        Pixels in the list now.
     """
     active_count = np.uint64(0)
     for first in range(np.uint64(0), np.uint64(words.size), _BLOCK):

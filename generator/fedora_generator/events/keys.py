@@ -120,11 +120,6 @@ def drop_refractory(keys: Keys, timestamp_shift: int, refractory_us: int, last_u
         Least time between two events of a pixel.
     last_us
         (places,) time of the last event of each pixel; updated.
-
-    Returns
-    -------
-    kept
-        Number of keys that stay.
     """
     kept = 0
     places = (1 << (timestamp_shift - 1)) - 1
@@ -228,7 +223,7 @@ class EventBatch:
 
 
 def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
-    """Events of sorted keys.
+    """Events of sorted keys, in the order (t, y, x, p).
 
     Parameters
     ----------
@@ -238,11 +233,6 @@ def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
         Bits of a key.
     start_us
         Added to the timestamps.
-
-    Returns
-    -------
-    EventBatch
-        In the order (t, y, x, p).
     """
     batch = _empty_batch(keys.size)
     bits = (layout.column_bits, layout.timestamp_shift)
@@ -253,7 +243,7 @@ def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
 def sort_and_decode(
     keys: Keys, layout: KeyLayout, first_us: int, last_us: int, start_us: int, spare: Keys
 ) -> EventBatch:
-    """Events of keys in raster order.
+    """Events of keys in raster order, sorted in the order (t, y, x, p).
 
     Parameters
     ----------
@@ -267,11 +257,6 @@ def sort_and_decode(
         Added to the timestamps.
     spare
         Scratch space for at least n keys; overwritten.
-
-    Returns
-    -------
-    EventBatch
-        In the order (t, y, x, p).
     """
     batch = _empty_batch(keys.size)
     timestamps = (layout.column_bits, layout.timestamp_shift, first_us, last_us, start_us)

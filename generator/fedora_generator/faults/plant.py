@@ -158,11 +158,6 @@ def plant_fault(
     consistent_maps
         Compute the index maps again where a recorder would have made them after the fault.
 
-    Returns
-    -------
-    Fault
-        What was planted.
-
     Raises
     ------
     FaultError

@@ -134,15 +134,6 @@ def length_of(file: h5py.File, stream: str) -> int:
 def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
     """Return the rows of a stream that lie in the fault's interval.
 
-    Parameters
-    ----------
-    file
-        An open file.
-    stream
-        Name of a single stream.
-    fault
-        Its interval.
-
     Raises
     ------
     FaultError
@@ -226,17 +217,7 @@ def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]])
 
 
 def delete_rows(file: h5py.File, stream: str, rows: slice) -> None:
-    """Remove consecutive rows from every dataset of a stream.
-
-    Parameters
-    ----------
-    file
-        An open file.
-    stream
-        Name of a single stream.
-    rows
-        Rows to remove.
-    """
+    """Remove consecutive rows from every dataset of a stream."""
     for dataset in datasets_in(file, stream).values():
         keep_rows(
             dataset,

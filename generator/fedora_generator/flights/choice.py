@@ -23,13 +23,6 @@ _HARMONIC: Final = TAG_PREFIX + "harmonic"
 def resolve_flight(flight: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
     """Table of a flight, with the table that it refers to in its place.
 
-    Parameters
-    ----------
-    flight
-        Table of a scene.
-    folder
-        Where a plan of QGroundControl lies.
-
     Raises
     ------
     SceneError

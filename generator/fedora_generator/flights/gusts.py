@@ -82,20 +82,7 @@ class Disturbance(NamedTuple):
 
 
 def low_altitude_turbulence(speed_at_20_ft_m_s: float, altitude_m: float) -> Turbulence:
-    """Intensities and scales below 1000 ft (MIL-F-8785C, 3.7.3.4, figures 10 and 11).
-
-    Parameters
-    ----------
-    speed_at_20_ft_m_s
-        Mean wind at 20 ft.
-    altitude_m
-        Above the ground.
-
-    Returns
-    -------
-    Turbulence
-        m/s and m, along the wind, across and up.
-    """
+    """Intensities and scales below 1000 ft (MIL-F-8785C, 3.7.3.4, figures 10 and 11)."""
     altitude_ft = altitude_m / FOOT_M
     ratio = 0.177 + 0.000823 * altitude_ft
     sigma_up = 0.1 * speed_at_20_ft_m_s
@@ -107,7 +94,7 @@ def low_altitude_turbulence(speed_at_20_ft_m_s: float, altitude_m: float) -> Tur
 
 
 def variance_share(x: Floats, axis: int) -> Floats:
-    """Share of the variance of an axis at frequencies up to omega = x V / L.
+    """Share of the variance of an axis at frequencies up to omega = x V / L: (n,) from 0 to 1.
 
     Along, the spectrum is proportional to 1 / (1 + x^2); across and up to (1 + 3 x^2) / (1 + x^2)^2.
 
@@ -117,11 +104,6 @@ def variance_share(x: Floats, axis: int) -> Floats:
         (n,) frequency in units of V / L, airspeed over scale of length.
     axis
         0 along the wind, 1 across, 2 up.
-
-    Returns
-    -------
-    shares
-        (n,) from 0 to 1.
     """
     if axis == 0:
         return np.asarray(2 / np.pi * np.arctan(x))
@@ -160,24 +142,10 @@ class Gusts:
 
 
 def draw_gusts(options: WindOptions, drag_per_s: float, seed: int) -> Gusts:
-    """Draw the wind of a seed.
+    """Draw the wind of a seed: amplitudes of the wind, m/s, and of the displacement, m, along the axes of the wind.
 
     The displacement x of a vehicle in a gust w follows ``x'' = drag (w - x') - 2 zeta omega_n x' - omega_n^2 x``: air
     drags it along, a spring and a damper hold it to its path. The pilot trims the mean wind away.
-
-    Parameters
-    ----------
-    options
-        The mean wind, its gusts and the response of the pilot.
-    drag_per_s
-        Deceleration per speed through the air.
-    seed
-        Of the sequence.
-
-    Returns
-    -------
-    Gusts
-        Amplitudes of the wind, m/s, and of the displacement, m, along the axes of the wind.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_WIND_KEY,)))
     mean_m_s = mean_wind_m_s(options.speed_m_s, options.altitude_m)
@@ -205,13 +173,5 @@ def draw_gusts(options: WindOptions, drag_per_s: float, seed: int) -> Gusts:
 
 
 def mean_wind_m_s(speed_at_20_ft_m_s: float, altitude_m: float) -> float:
-    """Mean wind, m/s, by logarithmic shear (MIL-F-8785C, 3.7.3.2).
-
-    Parameters
-    ----------
-    speed_at_20_ft_m_s
-        Mean wind at 20 ft.
-    altitude_m
-        Above the ground.
-    """
+    """Mean wind, m/s, by logarithmic shear (MIL-F-8785C, 3.7.3.2)."""
     return speed_at_20_ft_m_s * math.log(altitude_m / FOOT_M / ROUGHNESS_FT) / math.log(20 / ROUGHNESS_FT)

@@ -127,7 +127,7 @@ class Rasteriser:
         self._average.set("gamma", self._gamma)
 
     def radiance(self, camera: Camera, T_world_camera: Floats, factor: int) -> Floats:
-        """Linear radiance averaged over each pixel.
+        """Linear radiance averaged over each pixel: (height, width, 3); 1 is white.
 
         Parameters
         ----------
@@ -137,11 +137,6 @@ class Rasteriser:
             (4, 4) pose of the camera.
         factor
             Fragments along each side of a pixel.
-
-        Returns
-        -------
-        radiance
-            (height, width, 3); 1 is white.
         """
         mean = self._image_of(camera)
         rows = max(1, MOST_FRAGMENTS // (camera.width * factor**2))
@@ -175,7 +170,7 @@ class Rasteriser:
         return mean.read_rgb()
 
     def inverse_depth_per_m(self, camera: Camera, T_world_camera: Floats) -> Floats:
-        """Inverse depth along the optical axis.
+        """Inverse depth along the optical axis: (height, width) 1 / z at the pixel centres, 1/m; 0 for the sky.
 
         Parameters
         ----------
@@ -183,11 +178,6 @@ class Rasteriser:
             Camera matrix and size of the image.
         T_world_camera
             (4, 4) pose of the camera.
-
-        Returns
-        -------
-        inverse_depth
-            (height, width) 1 / z at the pixel centres, 1/m; 0 for the sky.
         """
         target = self._image_of(camera)
         target.bind()

@@ -56,15 +56,7 @@ class Light:
 
 
 def even_irradiance(light: Light, faces: Faces) -> NDArray[np.float64]:
-    """Irradiance (n,) that is constant over a face: ambient, and the sun by Lambert's cosine.
-
-    Parameters
-    ----------
-    light
-        Of the scene.
-    faces
-        n faces in the world frame.
-    """
+    """Irradiance (n,) that is constant over a face: ambient, and the sun by Lambert's cosine."""
     return light.ambient + light.sun_strength * np.maximum(faces.normals @ light.to_sun, 0.0)
 
 

@@ -221,7 +221,7 @@ def project_face(
 def project_every_face(
     frames: FaceFrames, camera_m: NDArray[np.float64], rays: NDArray[np.float64], lines: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Project every face.
+    """Project every face, and return (n,) whether each face turns its front to the camera.
 
     Parameters
     ----------
@@ -229,11 +229,6 @@ def project_every_face(
         As in ``project_face``.
     lines
         (n, 7, 3) is filled.
-
-    Returns
-    -------
-    front
-        (n,) whether each face turns its front to the camera.
     """
     front = np.empty(len(lines), np.bool_)
     for face in range(len(lines)):

@@ -122,15 +122,7 @@ class Group:
         return Group(self.surfaces + other.surfaces, self.lamps + other.lamps, self.solids + other.solids)
 
     def at(self, x_m: float, y_m: float, z_m: float = 0.0, yaw_deg: float = 0.0) -> "Group":
-        """Return the group rotated about the vertical, then shifted.
-
-        Parameters
-        ----------
-        x_m, y_m, z_m
-            Shift.
-        yaw_deg
-            Rotation, counter-clockwise.
-        """
+        """Return the group rotated about the vertical, then shifted."""
         shift_m = np.array([x_m, y_m, z_m])
 
         def place(position_m: Vector) -> Vector:
