@@ -115,13 +115,6 @@ def canary_of(check: str) -> "PlantCanary | None":
 def hypotheses_of(alarm: "Alarm", facts: "Facts") -> "tuple[Hypothesis, ...]":
     """Return the hypotheses for an alarm, best supported first.
 
-    Parameters
-    ----------
-    alarm
-        Of a check of the catalogue.
-    facts
-        Of the same file.
-
     Raises
     ------
     KeyError

@@ -20,8 +20,6 @@ def document_paths(form: str | None, paths: Mapping[str, Path | None]) -> dict[s
     ----------
     form
         Format of ``--format``; None: it was not given.
-    paths
-        Of each format the path of its own option.
 
     Raises
     ------

@@ -5,17 +5,20 @@ from pathlib import Path
 from typing import Literal
 
 import click
+import h5py
 
 from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.executors.executor import Task, Worker, opening_test
 from fedora_qa.errors import MisuseError, UnreadableRowsError, UnrecognisedError
-from fedora_qa.exporting.canonical import write_fedora
 from fedora_qa.exporting.dsec import write_dsec
 from fedora_qa.exporting.tum import write_tum
+from fedora_qa.layout.create import DeferredErrorFile
 from fedora_qa.layout.dialect import DialectChoice, load_choice
+from fedora_qa.record.atomic import replacing
 from fedora_qa.record.wording import not_recognised, unobeyed
+from fedora_qa.sequence.canonical_copy import write_canonical
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.storage.folder import is_folder, root_of
 
@@ -56,7 +59,10 @@ def _export(
                 return write_tum(sequence, output), ()
             if form == "dsec":
                 return write_dsec(sequence, output, worker.progress), ()
-            written = write_fedora(sequence, output, worker.progress)
+            with replacing(output) as temporary, DeferredErrorFile(temporary, "the sequence") as handle:
+                with h5py.File(handle, "w") as file:
+                    written = write_canonical(sequence, file, worker.progress)
+                handle.raise_failure()
             lines = [f"{key} is left out: {reason}" for key, reason in written.left_out.items()]
             if written.beside:
                 lines.append(f"The layout has no place for {written.beside.name}: declare it with --metadata.")

@@ -3,14 +3,14 @@
 The detection power of a check is the size from which it finds a fault. The price of a fault is what it costs a learner.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
 from fedora_qa.power.detection_power import DetectableCause as MeasuredCause
 from fedora_qa.power.detection_power import DetectionPower, read_detection_power
 from fedora_qa.record.power_study import estimate_words, share_words
-from fedora_qa.scoring.fault_prices import FaultPrice, FaultPrices, read_fault_prices
+from fedora_qa.scoring.fault_prices import read_fault_prices
 
 if TYPE_CHECKING:
     from fedora_reports.detection_power import PassDetectionPower
@@ -90,8 +90,16 @@ def fault_price_text(check: str) -> str:
     costly = [price for price in prices.of(check) if price.leaves_noise] if prices else []
     if prices is None or not costly:
         return ""
-    lines = [f"{_fault_words(fault)}: {_cost_words(of)}" for fault, of in groupby(costly, key=_fault_of)]
-    return "\n".join([*lines, "", _price_source(prices)])
+    lines = []
+    for (fault, size, unit), of in groupby(costly, key=lambda price: (price.fault, price.size, price.unit)):
+        # The error on correct data, the cost, and its interval, by measure.
+        costs = (f"{p.metric} {p.correct:.3f} + {p.cost:.3f} ({p.low:.3f} to {p.high:.3f})" for p in of)
+        lines.append(f"{fault if size is None else f'{fault}, {size:g} {unit}'}: {'; '.join(costs)}")
+    source = (
+        f"A small network, trained on {prices.flights} generated flights with the fault and tested on correct ones: "
+        f"{prices.networks} networks, {prices.correct_networks} on correct data (docs/learning.md, {prices.date})."
+    )
+    return "\n".join([*lines, "", source])
 
 
 def fault_price_texts() -> Mapping[str, str]:
@@ -99,27 +107,3 @@ def fault_price_texts() -> Mapping[str, str]:
     prices = read_fault_prices()
     checks = dict.fromkeys(check for price in prices.prices for check in price.checks) if prices else {}
     return {check: text for check in checks if (text := fault_price_text(check))}
-
-
-def _fault_of(price: FaultPrice) -> tuple[str, float | None, str]:
-    return price.fault, price.size, price.unit
-
-
-def _fault_words(fault: tuple[str, float | None, str]) -> str:
-    text, size, unit = fault
-    return text if size is None else f"{text}, {size:g} {unit}"
-
-
-def _cost_words(prices: Iterable[FaultPrice]) -> str:
-    """Return the error on correct data, the cost, and its interval, by measure."""
-    return "; ".join(
-        f"{price.metric} {price.correct:.3f} + {price.cost:.3f} ({price.low:.3f} to {price.high:.3f})"
-        for price in prices
-    )
-
-
-def _price_source(prices: FaultPrices) -> str:
-    return (
-        f"A small network, trained on {prices.flights} generated flights with the fault and tested on correct ones: "
-        f"{prices.networks} networks, {prices.correct_networks} on correct data (docs/learning.md, {prices.date})."
-    )

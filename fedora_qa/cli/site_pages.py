@@ -88,8 +88,6 @@ def site_text(text: str, page: str, paths: Mapping[str, str], repository: str) -
     ----------
     text
         The page, Markdown.
-    page
-        Its path in the repository.
     paths
         Where each page and asset stands on the site, by its path in the repository.
     repository

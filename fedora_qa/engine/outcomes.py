@@ -90,14 +90,10 @@ def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]],
 
     Parameters
     ----------
-    path
-        The file.
     digest
         Of its bytes.
     checks
         All that were selected; those other than ``integrity.readable`` are not applicable.
-    reason
-        The message of HDF5.
     """
     finding = Finding("F1", "integrity.readable.file", "critical", reason, Where())
     # HDF5 compares the stated length of a file with its actual one, and names it truncated; other errors are damage.
@@ -130,12 +126,8 @@ def unrecognised_record(path: Place, digest: Digest, checks: Iterable[Check[Any]
 
     Parameters
     ----------
-    path
-        The file.
     digest
         Of its bytes.
-    checks
-        All that were selected.
     """
     reason = not_recognised(path)
     return record_without_facts(path, digest, "incomplete", tuple(not_applicable(check, reason) for check in checks))

@@ -84,8 +84,6 @@ def make_plan(effort: Effort, windows: int, window_ns: int = WINDOW_NS, pixels: 
     ----------
     windows
         How many there are.
-    window_ns
-        The length of each.
     pixels
         The size of a frame, where known.
     """

@@ -62,8 +62,6 @@ def take_event_cloud(window: Window, time_ns: int, most: int) -> EventCloud | No
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     time_ns
         The instant, ns from the file's origin.
     most

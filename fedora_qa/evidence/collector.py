@@ -31,7 +31,7 @@ from fedora_qa.evidence.snapshot import Snapshot, fitting_width_px, keep_snapsho
 from fedora_qa.evidence.titled_arrays import TitledArrays, merged
 from fedora_qa.evidence.value_counts import add_counts
 from fedora_qa.layout.canonical import timestamps_of
-from fedora_qa.record.evidence import MOMENTS, TIMELINE, UNMEASURED, named
+from fedora_qa.record.evidence import TIMELINE, UNMEASURED, named
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span, Window
 
@@ -77,8 +77,6 @@ class Timeline:
         ----------
         count
             Number of samples.
-        span
-            Of the window.
         """
         upto = np.interp(self.edges_ns, [span.start_ns, span.stop_ns], [0, count])
         upto[-1] = count if span.stop_ns > self.stop_ns >= span.start_ns else upto[-1]
@@ -234,7 +232,7 @@ class EvidenceCollector:
 
     def conclude(self, state: EvidenceState, facts: Facts) -> TitledArrays:
         """Return all evidence as arrays with titles."""
-        snapshots = keep_snapshots(MOMENTS, state.snapshots, facts, state.plan.width_px)
+        snapshots = keep_snapshots(state.snapshots, facts, state.plan.width_px)
         timeline = state.plan.timeline
         edges_us = facts.origin_us + timeline.edges_ns / NS_PER_US
         step_ms = float(edges_us[1] - edges_us[0]) / 1e3
@@ -270,8 +268,6 @@ def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
 
     Parameters
     ----------
-    facts
-        With clocks and events of the file.
     spans
         All windows of the file, in the order of time.
     bins
@@ -322,12 +318,6 @@ def stream_counts(
 
     Parameters
     ----------
-    timeline
-        The bins.
-    facts
-        With the clocks of the file.
-    spans
-        All windows of the file.
     event_counts
         (bins,) events in each bin, by the number of each window whose timestamps were read. Only the number of events
         is known of other windows: they are spread evenly over the window.

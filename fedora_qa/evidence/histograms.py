@@ -1,7 +1,6 @@
 """Histograms of depth, flow, brightness and event rates over the decoded windows."""
 
 from collections.abc import Iterable, Mapping
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -14,7 +13,7 @@ from fedora_qa.evidence.value_counts import Int64, added, count_values, histogra
 from fedora_qa.record.evidence import HISTOGRAMS, named
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.statistics.moments import readable_images, sampled_depth_m, sampled_luma_dn, sampled_speeds_px
+from fedora_qa.statistics.moments import readable_samples, sampled_depth_m, sampled_luma_dn, sampled_speeds_px
 
 UInt32 = NDArray[np.uint32]
 
@@ -44,11 +43,11 @@ def window_values(window: Window, families: frozenset[str] | None = None) -> dic
 
 def _count_window(window: Window, families: frozenset[str] | None) -> dict[str, Int64]:
     samples: dict[str, Iterable[NDArray[Any]]] = {
-        "depth_m": readable_images(window, "depth", partial(sampled_depth_m, window), families),
-        "luma_dn": readable_images(window, "rgb", partial(sampled_luma_dn, window), families),
+        "depth_m": readable_samples(window, "depth", sampled_depth_m, families=families),
+        "luma_dn": readable_samples(window, "rgb", sampled_luma_dn, families=families),
     }
     for stream in window.facts.flow_streams:
-        samples[stream] = readable_images(window, stream, partial(sampled_speeds_px, window, stream), families)
+        samples[stream] = readable_samples(window, stream, sampled_speeds_px, stream, families=families)
     return {quantity: added(count_values(image) for image in images) for quantity, images in samples.items()}
 
 
@@ -129,8 +128,6 @@ def seconds_of(facts: Facts, bounds_ns: Iterable[tuple[int, int]]) -> float:
 
     Parameters
     ----------
-    facts
-        With the scan of events.
     bounds_ns
         Start and stop of each window, ns from the file's origin.
     """

@@ -24,7 +24,7 @@ from fedora_qa.evidence.pictures import (
     summed_counts,
 )
 from fedora_qa.evidence.titled_arrays import TitledArrays
-from fedora_qa.record.evidence import named
+from fedora_qa.record.evidence import MOMENTS, named
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Span, Window
 
@@ -141,8 +141,6 @@ def nearest_row(window: Window, stream: str, time_ns: int) -> int | None:
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     stream
         Any stream but events.
     time_ns
@@ -334,8 +332,6 @@ def snapshot_times_ns(spans: Sequence[Span], facts: Facts, count: int) -> Mappin
     ----------
     spans
         Windows over which the times are spread.
-    facts
-        With the clocks of the file.
     count
         Number of times; fewer where there are fewer images.
     """
@@ -367,8 +363,6 @@ def fitting_width_px(facts: Facts, options: EvidenceOptions, snapshots: int) -> 
 
     Parameters
     ----------
-    facts
-        With the sizes of the images.
     options
         Size of the pictures, and their largest width.
     snapshots
@@ -384,8 +378,6 @@ def snapshot_bytes(facts: Facts, width_px: int) -> int:
 
     Parameters
     ----------
-    facts
-        With the sizes of the images.
     width_px
         Largest width of pictures, px.
     """
@@ -421,27 +413,13 @@ def _evenly(of: int, count: int) -> list[int]:
     return sorted({int((start + stop) / 2) for start, stop in pairwise(edges)}) if of else []
 
 
-def keep_snapshots(group: str, snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> TitledArrays:
-    """Return snapshots as arrays whose first axis is the snapshot; a missing picture is NaN, or 0 for codes and counts.
+def keep_snapshots(snapshots: Sequence[Snapshot], facts: Facts, width_px: int) -> TitledArrays:
+    """Return snapshots in the order of time as arrays whose first axis is the snapshot; none where all lack pictures.
 
-    Parameters
-    ----------
-    group
-        Prefix of the names.
-    snapshots
-        In the order of time.
-    facts
-        Convert times to the clock of the file.
-    width_px
-        Largest width of pictures, px.
-
-    Returns
-    -------
-    TitledArrays
-        Empty where no snapshot has a picture.
+    A missing picture is NaN, or 0 for codes and counts. ``width_px`` is the largest width of pictures.
     """
     entries = _entries(snapshots, facts, width_px) if any(snapshot.pictures for snapshot in snapshots) else {}
-    return TitledArrays.titled({named(group, name): entry for name, entry in entries.items()})
+    return TitledArrays.titled({named(MOMENTS, name): entry for name, entry in entries.items()})
 
 
 def keep_snapshot(group: str, snapshot: Snapshot, facts: Facts, width_px: int) -> TitledArrays:

@@ -33,8 +33,6 @@ def keep_trajectory(facts: Facts, source: RowSource, points: int, frusta: int = 
 
     Parameters
     ----------
-    facts, source
-        Of the file.
     points
         Greatest number of poses.
     frusta

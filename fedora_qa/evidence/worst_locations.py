@@ -71,12 +71,6 @@ def keep_worst_locations(
 
     Parameters
     ----------
-    findings
-        Of one file.
-    spans
-        All windows of the file.
-    facts
-        Of the file.
     source
         Decodes rows of the file.
     options
@@ -142,12 +136,6 @@ def worst_locations(
 
     Parameters
     ----------
-    findings
-        Of one file.
-    spans
-        All windows of the file.
-    facts
-        Of the file.
     most
         Largest number of locations.
     """

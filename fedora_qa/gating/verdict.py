@@ -59,8 +59,6 @@ def judge_release(
     ----------
     record
         Of the sequences, in the release's order, and last of the release itself, as ``release_record`` makes it.
-    release_results
-        What the rules about the release found.
     judgement
         The policy, the baseline, and the day on which waivers are tested.
     """

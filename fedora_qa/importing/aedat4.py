@@ -76,8 +76,6 @@ def open_aedat4(path: Path, resolution: Resolution | None) -> Iterator[Recording
 
     Parameters
     ----------
-    path
-        The recording.
     resolution
         Of the events; takes precedence over that of the header.
 

@@ -38,8 +38,6 @@ def decode_words(
 
     Parameters
     ----------
-    words
-        The next events of the recording.
     state
         (2,) the time of the event before, as stored, and what is added to it; changed.
     x, y, t_us, p

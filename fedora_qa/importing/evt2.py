@@ -41,8 +41,6 @@ def decode_words(
 
     Parameters
     ----------
-    words
-        The next words of the recording.
     state
         (5,) what the words before have set, and the counts; changed.
     x, y, t_us, p

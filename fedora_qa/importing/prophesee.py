@@ -24,8 +24,6 @@ def open_prophesee(path: Path, resolution: Resolution | None) -> Iterator[Record
 
     Parameters
     ----------
-    path
-        The recording.
     resolution
         Takes precedence over that of the header; None: the header must have it.
 

@@ -24,8 +24,6 @@ def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int], *, level
 
     Parameters
     ----------
-    file
-        An HDF5 file open for writing.
     key
         A key of ``DATASETS``.
     sizes
@@ -56,7 +54,7 @@ def create_dataset(file: h5py.File, key: str, sizes: Mapping[str, int], *, level
 
 
 class DeferredErrorFile(io.FileIO):
-    """An empty file, open to read and write, that stores the error of a failed write.
+    """A file by path, emptied, or by descriptor, open to read and write, that stores the error of a failed write.
 
     HDF5 cannot close a file that it could not write, and crashes when the interpreter ends. Therefore a failed write
     reports success to HDF5, all later writes are dropped, and ``raise_failure`` raises the error.
@@ -69,15 +67,15 @@ class DeferredErrorFile(io.FileIO):
         The first error of a write, if any.
     """
 
-    def __init__(self, path: Path, what: str) -> None:
+    def __init__(self, file: Path | int, what: str, mode: str = "w+") -> None:
         self.what = what
         self.failure: OSError | None = None
-        super().__init__(path, "w+")
+        super().__init__(file, mode)
 
     def write(self, data: "ReadableBuffer", /) -> int:
         """Write all of ``data``."""
         view = memoryview(data).cast("B")
-        with self._deferred():
+        with self.deferred():
             written = 0
             while self.failure is None and written < len(view):
                 # A raw write may take fewer bytes than given, for example on a disk that is nearly full.
@@ -87,7 +85,7 @@ class DeferredErrorFile(io.FileIO):
     def truncate(self, size: int | None = None, /) -> int:
         """Cut or lengthen the file."""
         size = self.tell() if size is None else size
-        with self._deferred():
+        with self.deferred():
             if self.failure is None:
                 super().truncate(size)
         return size
@@ -100,7 +98,8 @@ class DeferredErrorFile(io.FileIO):
             )
 
     @contextmanager
-    def _deferred(self) -> Iterator[None]:
+    def deferred(self) -> Iterator[None]:
+        """Store an error of the system instead of raising it."""
         try:
             yield
         except OSError as error:

@@ -116,8 +116,6 @@ def draft_dialect(file: h5py.File, name: str) -> str:
     ----------
     file
         Open for reading. Only the first rows of each dataset are read.
-    name
-        Name of the dialect.
     """
     items = take_inventory(file)
     guesses = {guess.key: guess for guess in guess_places(items)}

@@ -245,8 +245,6 @@ def run_study(
         Of each check; the same for all files.
     jobs
         Number of processes.
-    report
-        Called after each file.
 
     Raises
     ------

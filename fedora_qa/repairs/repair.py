@@ -158,8 +158,6 @@ def choose(
 
     Parameters
     ----------
-    diagnoses
-        Of the record.
     faults
         The fault that was undone for a diagnosis, by its identifier.
     only

@@ -160,8 +160,6 @@ def rewrite(
         The file, and its sequence.
     repaired
         The sequence without the faults.
-    keys
-        Canonical keys of the datasets that may differ.
     target
         A copy of ``source``, open for writing; None: nothing is written, and the result states what would be.
 

@@ -89,8 +89,6 @@ class _PairedSequence:
         ----------
         stream
             Both have it.
-        key
-            Its dataset of values.
 
         Returns
         -------
@@ -170,8 +168,6 @@ def score_sequence(
     ----------
     predictions
         An HDF5 file in canonical keys, or a folder of images.
-    sequence
-        The file or folder with the truth.
     form
         What the predictions are; None: as they lie there.
     dialect

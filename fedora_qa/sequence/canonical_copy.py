@@ -67,8 +67,6 @@ def canonical_file(
 
     Parameters
     ----------
-    source
-        A folder that is a sequence.
     choice
         How it is read.
     folder

@@ -282,8 +282,6 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
 
     Parameters
     ----------
-    sequence
-        The open file.
     cell_ns
         Length of the windows that will be cut, on a grid that begins at the file's origin.
     """
@@ -469,8 +467,6 @@ def longest_steps(earlier: Iterable[EventStep], start: int, previous_ns: int, ti
 
     Parameters
     ----------
-    earlier
-        The longest steps of earlier blocks.
     start
         First row of the block.
     previous_ns

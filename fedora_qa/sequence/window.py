@@ -289,8 +289,6 @@ class Window:
         ----------
         compute
             A function of a module, which computes it from the image and the file alone, never from the window.
-        row
-            Row of the image.
         *args, **kwargs
             Further arguments, which can be hashed.
         """
@@ -338,8 +336,6 @@ class Window:
         ----------
         stream
             ``flow/<rate>hz``.
-        field
-            Row of the field.
         """
         return cast("NDArray[np.float32]", self.rows(f"path/{stream}", field, field + 1)[0])
 
@@ -350,8 +346,6 @@ class Window:
         ----------
         stream
             ``flow/<rate>hz``.
-        field
-            Row of the field.
 
         Returns
         -------

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.statistics.moments import (
     ValueMoments,
     added,
-    readable_images,
+    readable_samples,
     sampled_depth_m,
     sampled_luma_dn,
     sampled_speeds_px,
@@ -97,7 +96,7 @@ class StatisticsCollector:
             Decoded by the plan.
         """
         streams = self._streams(window.facts)
-        depths_m = list(readable_images(window, "depth", partial(sampled_depth_m, window), self._families))
+        depths_m = list(readable_samples(window, "depth", sampled_depth_m, families=self._families))
         rows = window.owned("events") if "events" in streams else range(0)
         events = brighter = 0
         if rows:
@@ -106,13 +105,13 @@ class StatisticsCollector:
                 events = len(rows)
         speeds_px = {}
         for stream in window.facts.flow_streams:
-            speeds = readable_images(window, stream, partial(sampled_speeds_px, window, stream), self._families)
+            speeds = readable_samples(window, stream, sampled_speeds_px, stream, families=self._families)
             speeds_px[stream] = added(ValueMoments.of(speed) for speed in speeds)
         depth_moments = added(ValueMoments.of(depth, positive=True) for depth in depths_m)
         with np.errstate(divide="ignore"):
             # 1 / depth, 1/m, as the paper has it; a depth of 0 gives infinity, which does not count.
             disparities = added(ValueMoments.of(np.float32(1) / depth, positive=True) for depth in depths_m)
-        lumas_dn = readable_images(window, "rgb", partial(sampled_luma_dn, window), self._families)
+        lumas_dn = readable_samples(window, "rgb", sampled_luma_dn, families=self._families)
         state.append(
             replace(
                 _poses(window) if "pose" in streams else WindowStatistics(),

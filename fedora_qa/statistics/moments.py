@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 from numba import njit
@@ -13,8 +13,6 @@ from fedora_qa.causes import in_families
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.luma import LUMA_WEIGHTS, sampled_luma
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
-
-Image = TypeVar("Image")
 
 _STRIDE: Final = 4
 _SMALL_IMAGE_PX: Final = 128
@@ -99,66 +97,42 @@ def added(parts: Iterable[ValueMoments]) -> ValueMoments:
 
 
 def sampled_depth_m(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return the depth at the sampled pixels of a frame, once a window: (h, w) m; NaN where invalid.
+    """Return the depth at the sampled pixels of a frame (h, w), m; NaN where invalid.
 
     These are every fourth column of every fourth row, all pixels of small images, and fewer of large ones.
-
-    Parameters
-    ----------
-    window
-        A window of the sequence. It keeps the result.
-    frame
-        Row of the depth stream.
     """
-    return window.derived(_sampled_depth_m, frame)
+    depth_m = window.depth_m(frame)
+    first, stride = _lattice(depth_m, window)
+    return np.ascontiguousarray(depth_m[first::stride, first::stride])
 
 
 def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.float32]:
-    """Return the length of the flow at the sampled pixels of a field, once a window.
-
-    Parameters
-    ----------
-    window
-        A window of the sequence. It keeps the result.
-    stream
-        ``flow/<rate>hz``.
-    field
-        Row of the field.
-
-    Returns
-    -------
-    ndarray of float32
-        (h, w) px over the interval; NaN where invalid.
-    """
-    return window.derived(_sampled_speeds_px, stream, field)
+    """Return the length of flow at the sampled pixels of a field (h, w), px over its interval; NaN where invalid."""
+    flow_px = window.flow_px(stream, field)
+    return _lengths_at(np.ascontiguousarray(flow_px, dtype=np.float32), *_lattice(flow_px, window))
 
 
 def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return the luma of the stored codes at the sampled pixels of a colour frame, once a window: (h, w) DN.
+    """Return the luma of the stored codes at the sampled pixels of a colour frame (h, w), DN."""
+    rgb = window.rgb(frame)
+    return sampled_luma(np.ascontiguousarray(rgb), *_lattice(rgb, window), LUMA_WEIGHTS)
+
+
+def readable_samples(
+    window: Window,
+    stream: str,
+    sample: Callable[..., NDArray[np.float32]],
+    *arguments: str,
+    families: frozenset[str] | None,
+) -> Iterator[NDArray[np.float32]]:
+    """Yield the samples of the images of a stream that a window owns and that can be decoded.
 
     Parameters
     ----------
-    window
-        A window of the sequence. It keeps the result.
-    frame
-        Row of the colour frame.
-    """
-    return window.derived(_sampled_luma_dn, frame)
-
-
-def readable_images(
-    window: Window, stream: str, read: Callable[[int], Image], families: frozenset[str] | None
-) -> Iterator[Image]:
-    """Yield the images of a stream that a window owns and that can be decoded.
-
-    Parameters
-    ----------
-    window
-        A window of the sequence.
     stream
         Any stream of images; none of a stream that the file does not have.
-    read
-        Returns the image of a row.
+    sample, *arguments
+        A function of this module, and what it takes between the window, which keeps the result, and the row.
     families
         Streams that are read (``flow`` is every rate); None: all.
     """
@@ -166,34 +140,9 @@ def readable_images(
         return
     for row in window.owned(stream):
         try:
-            yield read(row)
+            yield window.derived(sample, *arguments, row)
         except UnreadableRowsError:
             continue
-
-
-def _sampled_depth_m(window: Window, frame: int) -> NDArray[np.float32]:
-    return _sampled(window.depth_m(frame), window)
-
-
-def _sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.float32]:
-    return _speeds_px(window.flow_px(stream, field), window)
-
-
-def _sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
-    return _luma_dn(window.rgb(frame), window)
-
-
-def _sampled(image: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
-    first, stride = _lattice(image, window)
-    return np.ascontiguousarray(image[first::stride, first::stride])
-
-
-def _speeds_px(flow_px: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
-    return _lengths_at(np.ascontiguousarray(flow_px, dtype=np.float32), *_lattice(flow_px, window))
-
-
-def _luma_dn(rgb: NDArray[np.uint8], window: Window) -> NDArray[np.float32]:
-    return sampled_luma(np.ascontiguousarray(rgb), *_lattice(rgb, window), LUMA_WEIGHTS)
 
 
 def _lattice(image: NDArray[Any], window: Window) -> tuple[int, int]:

@@ -108,8 +108,6 @@ def pixel_maps(lens: Lens, width: int, height: int, intrinsics: tuple[float, flo
 
     Parameters
     ----------
-    lens
-        Of the camera.
     width, height
         Of its image, px.
     intrinsics

@@ -58,8 +58,6 @@ def scene_flow_px(
     ----------
     world
         Gives the displacements of its bodies.
-    camera
-        Its intrinsics.
     inverse_depth_per_m, bodies
         (height, width) what the pixels show at the first time.
     poses
@@ -99,8 +97,6 @@ def lens_flow_px(
     ----------
     inverse_depth_per_m
         (height, width) 1 / z-depth at the start; 0 at infinity.
-    camera
-        Its intrinsics and lens.
     T_world_camera_start, T_world_camera_end
         (4, 4) camera poses.
     """

@@ -85,8 +85,6 @@ def generate_sequence(
     ----------
     scene
         With its seed.
-    target
-        The file to write.
     request
         Duration, streams and quality.
     overwrite
@@ -142,8 +140,6 @@ def require_possible(scene: Scene, target: Path, duration_us: int, streams: froz
     ----------
     scene
         Its size, sensors and renderer.
-    target
-        The file to write.
     duration_us
         Length of the sequence, us.
     streams

@@ -6,7 +6,6 @@ cannot write the same target at once: a run holds a lock, which ends with its pr
 
 import errno
 import fcntl
-import io
 import os
 import signal
 import threading
@@ -14,12 +13,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import Final, Self
 
 from fedora_generator.errors import OutputError
-
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
+from fedora_qa.layout.create import DeferredErrorFile
 
 _DEFERRED: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -65,35 +62,14 @@ class DeferredInterrupts:
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
-class PartialFile(io.FileIO):
-    """The bytes of a file that is not complete yet, open to read and write; HDF5 writes through it.
-
-    A failed write looks successful to HDF5, and all later writes are dropped: HDF5 cannot close a file that it could
-    not write, and crashes at the end of the interpreter. ``raise_pending`` raises the error.
-    """
+class PartialFile(DeferredErrorFile):
+    """The bytes of a file that is not complete yet; ``raise_pending`` raises the error of a write that has failed."""
 
     def __init__(self, path: Path, interrupts: DeferredInterrupts) -> None:
         self.path = path
-        self.failure: OSError | None = None
         self._interrupts = interrupts
-        super().__init__(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666), "r+")
-
-    def write(self, data: "ReadableBuffer", /) -> int:
-        """Write all of ``data``."""
-        view = memoryview(data).cast("B")
-        with self._recording_failure():
-            written = 0
-            while self.failure is None and written < len(view):
-                written += super().write(view[written:]) or 0
-        return len(view)
-
-    def truncate(self, size: int | None = None, /) -> int:
-        """Cut or lengthen the file."""
-        size = self.tell() if size is None else size
-        with self._recording_failure():
-            if self.failure is None:
-                super().truncate(size)
-        return size
+        # Not emptied before it is locked: another run may be writing it.
+        super().__init__(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666), str(path), "r+")
 
     def raise_pending(self) -> None:
         """Raise the error of a write that failed, or an interrupt that has come since."""
@@ -103,19 +79,12 @@ class PartialFile(io.FileIO):
 
     def move_to(self, target: Path) -> None:
         """Replace ``target``, with every byte on the disk; only now may the disk report that it is full."""
-        with self._recording_failure():
+        with self.deferred():
             os.fsync(self.fileno())
         self.raise_pending()
-        with self._recording_failure():
+        with self.deferred():
             self.path.replace(target)
         self.raise_pending()
-
-    @contextmanager
-    def _recording_failure(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            self.failure = self.failure or error
 
 
 @contextmanager

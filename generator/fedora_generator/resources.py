@@ -157,8 +157,6 @@ def expected_bytes(scene: Scene, duration_s: float, streams: frozenset[str] = AL
 
     Parameters
     ----------
-    scene
-        Its image sizes.
     duration_s
         Length of the sequence, s.
     streams
@@ -174,8 +172,6 @@ def least_bytes(scene: Scene, duration_us: int, streams: frozenset[str]) -> int:
 
     Parameters
     ----------
-    scene
-        Its image sizes.
     duration_us
         Length of the sequence, us.
     streams

@@ -121,8 +121,6 @@ def create_frames(
         An open file without these streams.
     scene
         Its camera, flight and depth range.
-    world
-        The world to render.
     duration_us
         Length of the sequence, us.
     streams
@@ -190,8 +188,6 @@ def write_pose_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.
     ----------
     file
         An open file without the stream.
-    scene
-        Its flight and the noise of its poses.
     duration_us
         Length of the sequence, us.
     seed

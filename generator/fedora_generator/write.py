@@ -118,8 +118,6 @@ def write_camera(file: h5py.File, stream: str, camera: Camera) -> None:
 
     Parameters
     ----------
-    file
-        An open file.
     stream
         ``rgb``, ``depth`` or ``events``.
     camera
@@ -151,10 +149,6 @@ def write_events(file: h5py.File, scene: Scene, hot_pixels: NDArray[np.int64]) -
 
     Parameters
     ----------
-    file
-        An open file.
-    scene
-        Its event sensor.
     hot_pixels
         (n, 2) column and row; not written if there are none.
     """

@@ -93,8 +93,6 @@ def draw_cloud(
         X, Y and Z.
     view
         With a yaw between 0 and a right angle, so that X and Y both lead to the right.
-    label
-        Its content in words.
     lines
         Places (m, 3) along each line that is drawn over the points, and its attributes of SVG.
     """

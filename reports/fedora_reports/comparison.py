@@ -74,8 +74,6 @@ def shared_view(shared: SharedEvidence, names: Sequence[str]) -> SharedView:
 
     Parameters
     ----------
-    shared
-        The evidence of the file in each subject.
     names
         The first subjects, in their order; others are left out.
     """

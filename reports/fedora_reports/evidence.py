@@ -54,8 +54,6 @@ def evidence_of(record: Record, place: int, arrays: Mapping[str, Array]) -> Evid
 
     Parameters
     ----------
-    record
-        The record of one or several files.
     place
         Index of the file in the record.
     arrays

@@ -56,8 +56,6 @@ def flight_of(evidence: Evidence, findings: Sequence[AnchoredFinding]) -> Flight
 
     Parameters
     ----------
-    evidence
-        The arrays of the file.
     findings
         The findings of the file; grave ones are marked where the body was when they begin.
     """

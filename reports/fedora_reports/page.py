@@ -337,8 +337,6 @@ def page_of(
 
     Parameters
     ----------
-    record
-        The results of one or several files.
     arrays
         The evidence by name. With several files each name begins with the file's index: ``0/name``.
     detection_power

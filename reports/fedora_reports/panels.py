@@ -117,8 +117,6 @@ def panels_of(snapshot: Snapshot, scales: PictureScales) -> Iterator[Panel]:
 
     Parameters
     ----------
-    snapshot
-        The pictures.
     scales
         The scales that all pictures of the file share.
     """
@@ -272,8 +270,6 @@ def legends_for(panels: tuple[Panel, ...], scales: PictureScales) -> tuple[Legen
 
     Parameters
     ----------
-    panels
-        All panels of the file.
     scales
         The scales that their pictures share.
     """
@@ -311,8 +307,6 @@ def colour_bar(axis: Axis, table: colour_maps.Picture, alt: str, *, reverse: boo
 
     Parameters
     ----------
-    axis
-        The scale of the values.
     table
         (256, 3), the colours from the low end of the axis to the high one.
     alt

@@ -147,12 +147,8 @@ def subjects_of(
 
     Parameters
     ----------
-    file
-        The record of the file.
     evidence
         The arrays of the file, those that checks keep among them.
-    anchors
-        The identifiers on the page.
     links
         A link to each finding, by its identifier.
     detection_power

@@ -109,8 +109,6 @@ class PlainRun:
         ----------
         undoing
             Gives the rows without the fault.
-        checks
-            All that were asked.
         affected
             Those that measure again, in all windows of the plan and in those that they name for a second look. Passes
             of trials are of no use here: they measure no features, by which further causes are proposed.
@@ -138,12 +136,8 @@ class PlainRun:
 
         Parameters
         ----------
-        checks
-            What measures.
         spans
             The windows, in the order of time.
-        altered
-            The altered sequence.
         inner
             A pass of the same checks over some neighbours among these windows of the same sequence, which are not
             measured again: states merge to the same bits. It must not be continued twice.

@@ -46,16 +46,10 @@ def name_causes(
 
     Parameters
     ----------
-    alarms
-        Of the file.
     checks
         Those whose question can be asked of the file.
-    run
-        The run of the file.
     materiality
         By which the file was judged.
-    progress
-        Called with each cause that is tried.
     with_trials
         False: causes are named by what the checks measured, and nothing is undone.
     """

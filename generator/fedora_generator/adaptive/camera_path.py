@@ -69,12 +69,6 @@ def camera_paths(world: ExactWorld, camera: Camera, flight: Flight, start_ns: in
 
     Parameters
     ----------
-    world
-        Its bodies and their movements.
-    camera
-        Its intrinsics and mounting.
-    flight
-        The trajectory of the body.
     start_ns, stop_ns
         Ends of the time, ns of the flight's clock.
 
@@ -210,8 +204,6 @@ def largest_motions(
         Of the image, px.
     motions_px
         (tiles,) raised in place.
-    first_tile, stop_tile
-        The tiles to look at.
     """
     for tile in range(first_tile, stop_tile):
         column, row = tile_origin(tile, width)
@@ -256,8 +248,6 @@ def mark_faces(
         Of the image, px.
     marked
         (tiles, faces) set in place.
-    first_tile, stop_tile
-        The tiles to look at.
     """
     for tile in range(first_tile, stop_tile):
         column, row = tile_origin(tile, width)

@@ -73,8 +73,6 @@ def scratch_for(threads: int, faces: int, waves: int, samples: int, entries: int
         Waves of a texture.
     entries
         Entries of a row of path coefficients.
-    depth
-        Open pieces of a step.
     """
     pixels = TILE * TILE
     return Scratch(
@@ -179,8 +177,6 @@ def look(
 
     Parameters
     ----------
-    frames
-        The faces before anything has moved.
     bodies
         Body (faces,) that each face belongs to.
     coefficients
@@ -222,12 +218,8 @@ def sample_block(
     ----------
     stage
         World, path and scratch space of the thread.
-    sensor
-        Its leak and the offset of its logarithm.
     column, row
         First pixel of the block.
-    rows, columns
-        Size of the block.
     share
         0 at the start of the path, 1 at its end.
     values

@@ -57,8 +57,6 @@ def build_corpus(
     ----------
     folder
         Where the corpus is written.
-    options
-        Which files it holds.
     scenes
         Scenes of the clean sequences.
     jobs
@@ -175,8 +173,6 @@ class _FileMaker:
 
         Parameters
         ----------
-        planned
-            The file.
         clean_sha256
             Digest of the clean file that its faults are planted in; empty for a clean one.
         """
@@ -300,10 +296,6 @@ def plant_together(base: Path, target: Path, faults: tuple[PlannedFault, ...], d
 
     Parameters
     ----------
-    base
-        The clean file.
-    target
-        The file with all faults.
     faults
         In the order in which they are planted.
     donors

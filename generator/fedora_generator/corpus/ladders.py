@@ -103,8 +103,6 @@ def ladder_of(cause: str, stream: str, *, noisy_pose: bool = False) -> Ladder:
 
     Parameters
     ----------
-    cause, stream
-        As the table of faults has them.
     noisy_pose
         Whether the pose of the sequence has noise.
     """

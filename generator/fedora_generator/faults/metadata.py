@@ -113,8 +113,6 @@ def edit_cameras(file: h5py.File, attribute: str, change: MatrixChange) -> None:
 
     Parameters
     ----------
-    file
-        An open file.
     attribute
         ``K`` or ``T_body_camera``.
     change

@@ -38,12 +38,6 @@ def confine_to_region(file: h5py.File, source: Path, fault: Fault, region: Regio
 
     Parameters
     ----------
-    file
-        The open faulty copy.
-    source
-        The clean file.
-    fault
-        Its stream and interval.
     region
         (x0, y0, x1, y1), half-open, in pixels of the stream's own image.
 

@@ -77,8 +77,6 @@ def edit(dataset: h5py.Dataset, rows: slice, change: Callable[[Array], Array]) -
 
     Parameters
     ----------
-    dataset
-        An open dataset.
     rows
         Those that change.
     change
@@ -93,10 +91,6 @@ def edit_values(file: h5py.File, fault: Fault, change: Callable[[Array], Array])
 
     Parameters
     ----------
-    file
-        An open file.
-    fault
-        Its stream and interval.
     change
         From a block of rows to one of the same shape.
     """

@@ -153,8 +153,6 @@ def waypoints_table(flight: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     flight
         ``file`` is the plan; ``origin_m`` is the position of home in the world (default 0, 0, 0); ``speed_m_s``
         replaces the mission's hover speed. All other keys stay as they are.
-    folder
-        Where the plan lies.
 
     Raises
     ------

@@ -83,14 +83,10 @@ def average_over_texels(
         Table of all textures, and the index of one of them.
     first_uv_m
         Centre of the first texel on the face.
-    texel_m
-        Size of a texel along u and v.
     wave_offset_m
         Added to (u, v) for the waves.
     s
         (rows along v, columns along u) is filled with the texture's value, 0 to 1.
-    first_row, stop_row
-        The rows.
     """
     columns = s.shape[1]
     du, dv = texel_m

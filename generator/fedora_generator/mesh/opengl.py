@@ -112,8 +112,6 @@ class Program:
 
         Parameters
         ----------
-        name
-            Of the uniform.
         value
             A float, a vector (3,) or (4,), vectors (n, 4), or a matrix (3, 3).
         """

@@ -69,8 +69,6 @@ def lamps_over_faces(light: Light, lamps: tuple[Lamp, ...], faces: Faces) -> NDA
 
     Parameters
     ----------
-    light
-        Of the scene.
     lamps
         Of the world; those of no strength under this light are left out.
     faces

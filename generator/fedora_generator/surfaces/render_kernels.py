@@ -169,8 +169,6 @@ def render_pixel(
         Rows of ``view.lines``; the pixel shows none but the first ``count``.
     uniform
         Whether there is exactly one face, and it fills the pixel.
-    x, y
-        Column and row.
     in_pixel, pieces, terms
         Scratch space for faces, for pieces and for the waves of a texture.
     pixel_dn

@@ -34,8 +34,6 @@ def house(
 
     Parameters
     ----------
-    rng
-        Draws which windows are lit.
     size_m
         Length along x, depth along y, height of the walls.
     storeys

@@ -107,8 +107,6 @@ def shade(picture: Image, area: MapArea, spots: Sequence[tuple[float, float, flo
     ----------
     picture
         (h, w, 3) of the map.
-    area
-        Of the map.
     spots
         x, y and radius (m), and depth (0 to 1), of each shade.
     """
@@ -142,8 +140,6 @@ def plain(_: np.random.Generator, material: str, hole_x_m: Span, hole_y_m: Span,
 
     Parameters
     ----------
-    material
-        Its name.
     hole_x_m, hole_y_m
         Borders of the hole.
     reach_m
@@ -168,8 +164,6 @@ def road_bend(
 
     Parameters
     ----------
-    material
-        Its name.
     center_m
         x and y of the middle of the arc.
     radius_m, half_width_m

@@ -146,8 +146,6 @@ def courses(
 
     Parameters
     ----------
-    rng
-        Draws the tones.
     shape
         Rows and columns of the picture.
     rows, columns
@@ -186,8 +184,6 @@ def lettering(below: Image, text: str, rgb: Rgb) -> Image:
     ----------
     below
         (h, w, 3) picture.
-    text
-        A line of text.
     rgb
         Colour of the text.
     """
@@ -216,8 +212,6 @@ def speckled(rng: np.random.Generator, picture: Image, contrast: float) -> Image
 
     Parameters
     ----------
-    rng
-        Draws the noise.
     picture
         (h, w, 3).
     contrast

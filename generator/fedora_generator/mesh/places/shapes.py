@@ -201,8 +201,6 @@ def roughened(surface: Surface, amplitude_m: float, wavelength_m: float, rng: np
         Scale of the shift; its standard deviation along each axis is 0.7 of it.
     wavelength_m
         Of the field; its waves are from 1/1.6 to 1/0.6 of it.
-    rng
-        Draws the field.
     """
     waves = unit(rng.normal(size=(8, 3))) * (2 * math.pi / wavelength_m) * rng.uniform(0.6, 1.6, (8, 1))
     field = np.cos(surface.vertices_m @ waves.T + rng.uniform(0, 2 * math.pi, 8)) @ rng.normal(size=(8, 3))

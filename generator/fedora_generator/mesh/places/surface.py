@@ -86,8 +86,6 @@ def moved(surface: Surface, position_m: ArrayLike = (0.0, 0.0, 0.0), yaw_deg: fl
 
     Parameters
     ----------
-    surface
-        In its own frame.
     position_m
         (3,) shift.
     yaw_deg
@@ -152,8 +150,6 @@ def solid(name: str, size_m: Vector, center_m: Vector) -> Group:
         For the message of a collision.
     size_m
         Along the box's own x, y and z.
-    center_m
-        In the frame of the group.
     """
     return Group(solids=(Box(name=name, center_m=center_m, size_m=size_m, texture=name),))
 
