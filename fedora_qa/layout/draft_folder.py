@@ -15,21 +15,16 @@ from fedora_qa.errors import FedoraError
 from fedora_qa.layout.canonical import datasets_of, spec_of
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
 from fedora_qa.layout.draft import (
-    Guess,
     camera_line,
     camera_lines,
     comment,
     draft_lines,
-    guess_places,
     in_order,
-    is_flow,
     names_intrinsics,
     quoted,
-    rate_of,
-    span_of_events_ns,
-    unit_of_timestamps,
 )
 from fedora_qa.layout.file_groups import MOST_SINGLE, FileGroup, by_form_of_name, file_groups, pattern_of
+from fedora_qa.layout.guesses import Guess, guess_places, is_flow, rate_of, span_of_events_ns, unit_of_timestamps
 from fedora_qa.layout.inventory import HEAD_ROWS, Fields, StoredObject, take_inventory
 from fedora_qa.layout.metadata import PINHOLE
 from fedora_qa.sources.arrays import arrays_of, npz_names

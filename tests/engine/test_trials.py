@@ -27,7 +27,8 @@ from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.survey import Survey, opened, survey_of
 from fedora_qa.engine.tasks import check_file, measure_open
 from fedora_qa.engine.trials.altered import PlainRun
-from fedora_qa.engine.trials.trial import TrialBench, run_trials
+from fedora_qa.engine.trials.inquiry import run_trials
+from fedora_qa.engine.trials.trial import TrialBench
 from fedora_qa.engine.trials.views import SequenceViews
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.fault import ReversibleFault

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from fedora_qa.layout.binding import canonical_rows
 from fedora_qa.layout.canonical import STREAMS
 from fedora_qa.layout.dialect import Dialect, load_dialect
-from fedora_qa.layout.draft import draft_dialect, unit_of_timestamps
+from fedora_qa.layout.draft import draft_dialect
+from fedora_qa.layout.guesses import unit_of_timestamps
 from fedora_qa.layout.resolve import resolve
 from tests.support.foreign import write_mvsec, write_purdue_lab
 from tests.support.handmade import write_handmade

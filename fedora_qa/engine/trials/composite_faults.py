@@ -24,7 +24,8 @@ from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.trials.altered import PlainRun
 from fedora_qa.engine.trials.explanation import CauseExplanation
-from fedora_qa.engine.trials.trial import TrialBench, run_trials
+from fedora_qa.engine.trials.inquiry import run_trials
+from fedora_qa.engine.trials.trial import TrialBench
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.judgement.materiality import Materiality
 from fedora_qa.record.types import Diagnosis

@@ -18,7 +18,8 @@ from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.conclusion import DeviationChange, UndoTrial
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.engine.trials.altered import PlainRun, busiest
-from fedora_qa.engine.trials.trial import TrialBench, check_of
+from fedora_qa.engine.trials.deviations import check_of
+from fedora_qa.engine.trials.trial import TrialBench
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.pictures import block_px, mean_values
 from fedora_qa.evidence.snapshot import (

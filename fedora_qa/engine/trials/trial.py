@@ -9,44 +9,39 @@ itself measured, or one of a few more windows would, never by the clock, so that
 machine.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from itertools import islice
-from math import inf, isfinite, nan
 from typing import Any, Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check, Observation
-from fedora_qa.diagnosis.candidates import CONTENDS, CauseCandidate
-from fedora_qa.diagnosis.clock_grids import ClockPlace
 from fedora_qa.diagnosis.clock_units import is_known_unit
 from fedora_qa.diagnosis.conclusion import HALF, DeviationChange, UndoTrial
-from fedora_qa.diagnosis.proposed_faults import faults_for
-from fedora_qa.diagnosis.vetoes import contradicts
-from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Prepared
 from fedora_qa.engine.trials.altered import PlainRun, WindowPass, around
+from fedora_qa.engine.trials.deviations import (
+    change_of,
+    check_of,
+    counted,
+    deviation_of,
+    exceeding,
+    measurement_of,
+    ratio_left,
+    ratio_to_limit,
+    results_by_check,
+    rule_of,
+    would_hide,
+)
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.fault import Fault, ReversibleFault
-from fedora_qa.judgement.judge import Alarm, Judged, judge
+from fedora_qa.judgement.judge import Alarm, judge
 from fedora_qa.judgement.materiality import Materiality
-from fedora_qa.layout.canonical import is_flow_stream
 from fedora_qa.record.types import Measurement, Result
 from fedora_qa.sequence.window import Span
 
 _GROWTH: Final = 4
 """Ratio of the windows of one trial to those of the trial before: all trials of a fault together cost a third more than
 the last one."""
-
-_MOST_VARIANTS: Final = 5
-"""Mechanisms or directions of one cause that are tried: of poses in another convention the fitted ones, of rotations
-and of specific forces, in two variants each, and another order of angles."""
-
-_STRAIGHT: Final = 0.8
-"""Largest part of a deviation that may be left for a second fit of the size: with more, another fault is at work."""
-
-_SIZED: Final = 0.05
-"""Least relative change of a size by a second fit for which the fault is tried again."""
 
 _FAR: Final = 2.0
 """Ratio of a deviation to its limit from which other comparisons do not decide. For twice as many standard errors at a
@@ -171,9 +166,9 @@ class TrialBench:
         if not trial.succeeds or trial.windows >= len(planned) or not of_samples or work > self.work.left:
             return trial
         self.work.take(work)
-        judged = _by_check(self.run.judged(of_samples, planned, prepared).judged)
-        exceeded = {_rule(m) for result in self.run.strict.values() for m in _exceeding(result)}
-        caused = {_rule(m) for result in judged.values() for m in _exceeding(result)} - exceeded
+        judged = results_by_check(self.run.judged(of_samples, planned, prepared).judged)
+        exceeded = {rule_of(m) for result in self.run.strict.values() for m in exceeding(result)}
+        caused = {rule_of(m) for result in judged.values() for m in exceeding(result)} - exceeded
         codes = tuple(sorted({code for code, _ in caused}))
         return replace(trial, caused=codes, revealed=self._revealed(judged, codes))
 
@@ -182,8 +177,8 @@ class TrialBench:
         return frozenset(
             m.code
             for check, result in judged.items()
-            for m in _exceeding(result)
-            if m.code in caused and _would_hide(self.run.strict.get(check), m)
+            for m in exceeding(result)
+            if m.code in caused and would_hide(self.run.strict.get(check), m)
         )
 
     def without(self, fault: ReversibleFault, materiality: Materiality) -> "TrialBench | None":
@@ -217,11 +212,11 @@ class TrialBench:
         left = {}
         for alarm in alarms:
             before, after = (
-                None if result is None else _measurement(result, alarm)
+                None if result is None else measurement_of(result, alarm)
                 for result in (strict.get(check_of(alarm)), self.run.strict.get(check_of(alarm)))
             )
             if before is not None and after is not None and after.exceeds_limit:
-                left[alarm.finding.id] = _ratio(after, before)
+                left[alarm.finding.id] = ratio_left(after, before)
         return left
 
     def ratios(
@@ -269,8 +264,8 @@ class TrialBench:
         else:
             self.work.take(len(spans) * len(checks))
             judged = self.run.judge_observed(checks, observed)
-        results = _by_check(judged)
-        return [_ratio_to_limit(results.get(check_of(alarm)), alarm) for alarm in alarms]
+        results = results_by_check(judged)
+        return [ratio_to_limit(results.get(check_of(alarm)), alarm) for alarm in alarms]
 
     def affordable(self, passes: int, checks: int, most: int) -> int:
         """Return the most windows of a trial, up to ``most``, that several passes of some checks may measure yet.
@@ -307,7 +302,7 @@ class TrialBench:
 
     def _compared(self, fault: ReversibleFault, undoing: Fault, altered: WindowPass, count: int) -> UndoTrial:
         """Hold what was measured with a fault undone against the same windows without it undone."""
-        judged = _by_check(altered.judged)
+        judged = results_by_check(altered.judged)
         cleared: set[str] = set()
         left: dict[str, float] = {}
         changes: list[DeviationChange] = []
@@ -315,21 +310,21 @@ class TrialBench:
             after = judged.get(check_of(alarm))
             if after is None or after.outcome in ("crashed", "not_observable"):
                 continue
-            again = _measurement(after, alarm)
+            again = measurement_of(after, alarm)
             if again is None:
                 # What is stated only where it deviates no longer deviates, unless the check now asks something else.
                 if undoing.declared is None and after.outcome == "passed":
                     cleared.add(alarm.finding.id)
-                    changes.append(_change(alarm, deviating, None))
+                    changes.append(change_of(alarm, deviating, None))
                 continue
-            changes.append(_change(alarm, deviating, again))
+            changes.append(change_of(alarm, deviating, again))
             if again.exceeds_limit:
-                left[alarm.finding.id] = _ratio(again, deviating)
-            elif again.limit is not None and again.limit < abs(_deviation(deviating)):
+                left[alarm.finding.id] = ratio_left(again, deviating)
+            elif again.limit is not None and again.limit < abs(deviation_of(deviating)):
                 # Under a larger limit the deviation would have passed, too.
                 cleared.add(alarm.finding.id)
-        exceeded = {_rule(m) for result in self.run.strict.values() for m in _exceeding(result)}
-        caused = {_rule(m) for result in judged.values() for m in _exceeding(result)} - exceeded
+        exceeded = {rule_of(m) for result in self.run.strict.values() for m in exceeding(result)}
+        caused = {rule_of(m) for result in judged.values() for m in exceeding(result)} - exceeded
         return UndoTrial(
             fault,
             undoing.description,
@@ -359,13 +354,13 @@ class TrialBench:
 
         Limits grow with the number of comparisons in all checks, and are not doubled by any number that occurs.
         """
-        judged = _by_check(altered.judged)
+        judged = results_by_check(altered.judged)
         for alarm, deviating in self._deviations(count, fault):
             after = judged.get(check_of(alarm))
-            again = None if after is None or after.outcome == "not_observable" else _measurement(after, alarm)
+            again = None if after is None or after.outcome == "not_observable" else measurement_of(after, alarm)
             if again is None or again.limit is None or not again.exceeds_limit:
                 return False
-            if abs(_counted(again)) <= _FAR * again.limit or abs(_ratio(again, deviating)) <= HALF:
+            if abs(counted(again)) <= _FAR * again.limit or abs(ratio_left(again, deviating)) <= HALF:
                 return False
         return True
 
@@ -393,10 +388,10 @@ class TrialBench:
                 checks = [check for check in self.checks if check.name in failed]
                 spans = around(planned, _place_ns(self.alarms, self.run), count)
                 self._plain_pass = self._judged(checks, spans, self.run.ready, self._plain_pass)
-                results, observations = _by_check(self._plain_pass.judged), self._plain_pass.observations
+                results, observations = results_by_check(self._plain_pass.judged), self._plain_pass.observations
             self._plain_observations[count] = observations
             pairs = (
-                (alarm, _measurement(results[check_of(alarm)], alarm))
+                (alarm, measurement_of(results[check_of(alarm)], alarm))
                 for alarm in self.alarms
                 if check_of(alarm) in results
             )
@@ -413,46 +408,6 @@ def _is_beyond(fault: ReversibleFault, code: str) -> bool:
     return moves_all and code.startswith(_OF_NOISE)
 
 
-def check_of(alarm: Alarm) -> str:
-    """Return the name of the check of a finding, whose code is ``<subject>.<property>.<rule>``."""
-    return alarm.finding.code.rpartition(".")[0]
-
-
-def _exceeding(result: Result) -> list[Measurement]:
-    return [measurement for measurement in result.measurements if measurement.exceeds_limit]
-
-
-def _rule(measurement: Measurement) -> tuple[str, str]:
-    """Return the code of a measurement, and its rate of flow: each rate keeps the rule, or breaks it, by itself."""
-    rate = measurement.name.partition(" ")[0]
-    return measurement.code, rate if is_flow_stream(rate) else ""
-
-
-def _would_hide(result: Result | None, again: Measurement) -> bool:
-    """Whether a result of the plain run could not have shown a deviation of this size."""
-    if result is None or result.outcome == "not_observable":
-        return True
-    before = next((m for m in result.measurements if (m.name, m.code) == (again.name, again.code)), None)
-    return before is not None and before.limit is not None and abs(_deviation(again)) <= before.limit
-
-
-def _measurement(result: Result, alarm: Alarm) -> Measurement | None:
-    name = alarm.statistic.name
-    return next((m for m in result.measurements if (m.name, m.code) == (name, alarm.statistic.code)), None)
-
-
-def _change(alarm: Alarm, before: Measurement, after: Measurement | None) -> DeviationChange:
-    return DeviationChange(
-        check_of(alarm),
-        before.name,
-        before.unit,
-        before=_counted(before),
-        limit_before=nan if before.limit is None else before.limit,
-        after=nan if after is None else _counted(after),
-        limit_after=nan if after is None or after.limit is None else after.limit,
-    )
-
-
 def _families_read_with(fault: ReversibleFault) -> Set[str] | None:
     """Return the streams, rates of flow as one, that checks read together with what a fault alters; None for all."""
     family = stream_family(fault.stream)
@@ -461,40 +416,6 @@ def _families_read_with(fault: ReversibleFault) -> Set[str] | None:
     # A declared camera is read with its images, and that of depth with the flow as well; other declarations by all.
     camera = getattr(fault, "camera", None)
     return None if camera is None else {camera, "flow"} if camera == "depth" else {camera}
-
-
-def _by_check(judged: Sequence[Judged]) -> dict[str, Result]:
-    return {each.result.check: each.result for each in judged}
-
-
-def _deviation(measurement: Measurement) -> float:
-    """Return value less expected value; infinite where one is not finite."""
-    if measurement.value is None or measurement.expected is None:
-        return inf
-    return measurement.value - measurement.expected
-
-
-def _counted(measurement: Measurement) -> float:
-    """Return the deviation, 0 on a side that does not count."""
-    deviation = _deviation(measurement)
-    signed = {"both": abs(deviation), "upper": deviation, "lower": -deviation}
-    return deviation if signed[measurement.side] > 0 else 0.0
-
-
-def _ratio(after: Measurement, before: Measurement) -> float:
-    """Return which part of a deviation is left, negative where its sign has changed."""
-    left, was = _deviation(after), _deviation(before)
-    return left / was if isfinite(left) and isfinite(was) and was else inf
-
-
-def _ratio_to_limit(result: Result | None, alarm: Alarm) -> float:
-    """Return the size of a deviation over its limit."""
-    if result is None or result.outcome in ("crashed", "not_observable"):
-        return nan
-    measurement = _measurement(result, alarm)
-    if measurement is None:
-        return 0.0 if result.outcome == "passed" else nan
-    return abs(_counted(measurement)) / measurement.limit if measurement.limit else nan
 
 
 def _place_ns(alarms: Sequence[Alarm], run: PlainRun) -> int:
@@ -506,100 +427,3 @@ def _place_ns(alarms: Sequence[Alarm], run: PlainRun) -> int:
             return facts.from_file_us((where.start_us + where.stop_us) / 2)
     spans = run.planned(run.ready)
     return (spans[0].start_ns + spans[-1].stop_ns) // 2 if spans else 0
-
-
-@dataclass(slots=True)
-class _Inquiry:
-    """The mechanisms of one candidate that are still to be undone, and its best trial so far.
-
-    Attributes
-    ----------
-    candidate
-        The cause.
-    bench
-        Undoes its mechanisms.
-    places
-        Of the clocks.
-    best
-        The trial that clears most.
-    size
-        Size of the mechanisms, in the unit of the cause.
-    """
-
-    candidate: CauseCandidate
-    bench: TrialBench
-    places: Mapping[str, ClockPlace]
-    best: UndoTrial | None = field(init=False, default=None)
-    size: float | None = field(init=False)
-    _waiting: Iterator[ReversibleFault] = field(init=False)
-    _is_refitted: bool = field(init=False, default=False)
-
-    def __post_init__(self) -> None:
-        """Propose the mechanisms with the fitted size."""
-        self.size = self.candidate.size.magnitude
-        self._waiting = self._mechanisms()
-
-    def step(self) -> bool:
-        """Undo the next mechanism; return False where none is left, or where nothing is left to clear."""
-        if self.clears_all:
-            return False
-        fault = next(self._waiting, None)
-        if fault is None and self._fits_again():
-            fault = next(self._waiting, None)
-        if fault is None:
-            return False
-        trial = self.bench.undo(fault)
-        if trial is not None and (self.best is None or trial.balance > self.best.balance):
-            self.best = replace(trial, size=self.size) if self._is_refitted else trial
-        return True
-
-    @property
-    def clears_all(self) -> bool:
-        """Whether the best trial clears all that its windows show, and causes nothing."""
-        return self.best is not None and self.best.succeeds and not self.best.left
-
-    def _mechanisms(self) -> Iterator[ReversibleFault]:
-        cause, stream, run = self.candidate.cause, self.candidate.stream, self.bench.run
-        faults = faults_for(cause, stream, self.size, self.bench.alarms, run.strict, run.ready.facts)
-        return islice(dict.fromkeys(faults), _MOST_VARIANTS)
-
-    def _fits_again(self) -> bool:
-        """Propose the mechanisms with the size by which the deviation that gave it vanishes, once."""
-        sized_by = self.candidate.sized_by
-        if self._is_refitted or self.best is None or self.size is None or sized_by not in self.best.left:
-            return False
-        # Secant: with d deviations of d0 without and d1 with the size undone, d vanishes at size d0 / (d0 - d1).
-        ratio = self.best.left[sized_by]
-        again = self.size / (1.0 - ratio) if ratio < _STRAIGHT else self.size
-        cause, stream, results = self.candidate.cause, self.candidate.stream, self.bench.run.strict
-        if abs(again - self.size) <= _SIZED * abs(self.size) or contradicts(cause, stream, again, results, self.places):
-            return False
-        self.size, self._is_refitted = again, True
-        self._waiting = self._mechanisms()
-        return True
-
-
-def run_trials(
-    bench: TrialBench, candidates: Sequence[CauseCandidate], places: Mapping[str, ClockPlace], progress: Progress
-) -> dict[tuple[str, str], UndoTrial]:
-    """Undo the faults of candidates, best supported first; return the best trial of each by cause and stream.
-
-    The first mechanism of every candidate is undone before the second of any: where the work runs out, mechanisms of
-    one cause have not used up what another cause needs.
-    """
-    # Only rivals of the best supported candidate are of interest, and then of a fault that clears all that is shown.
-    least = CONTENDS * candidates[0].total_support if candidates else 0.0
-    inquiries = [_Inquiry(candidate, bench, places) for candidate in candidates]
-    waiting = inquiries
-    while waiting:
-        going_on = []
-        for inquiry in waiting:
-            if inquiry.candidate.total_support < least:
-                break
-            progress("undoing proposed faults", len(inquiries) - len(waiting), len(inquiries))
-            if inquiry.step():
-                going_on.append(inquiry)
-            if inquiry.clears_all:
-                least = max(least, CONTENDS * inquiry.candidate.total_support)
-        waiting = going_on
-    return {inquiry.candidate.key: inquiry.best for inquiry in inquiries if inquiry.best is not None}
