@@ -39,17 +39,8 @@ class NpyArray:
     member: str
     changed_ns: int
     shape: tuple[int, ...]
-    kind: str
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """As stored."""
-        return np.dtype(self.kind)
-
-    @property
-    def rows_together(self) -> int:
-        """Any number."""
-        return 0
+    dtype: np.dtype[Any]
+    rows_together: int = 0
 
     def rows(self, start: int, stop: int) -> NDArray[Any]:
         """Return a copy of rows; raises ``SourceError`` or ``OSError``."""
@@ -70,29 +61,20 @@ class ArrayFrames:
     path: Path
     parts: tuple[Part, ...]
     frame_shape: tuple[int, ...]
-    kind: str
+    dtype: np.dtype[Any]
+    rows_together: int = 1
 
     @property
     def shape(self) -> tuple[int, ...]:
         """(n, ...)."""
         return (len(self.parts), *self.frame_shape)
 
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """As stored."""
-        return np.dtype(self.kind)
-
-    @property
-    def rows_together(self) -> int:
-        """One array."""
-        return 1
-
     def rows(self, start: int, stop: int) -> NDArray[Any]:
         """Read arrays; raises ``SourceError`` or ``OSError``."""
         read = np.empty((stop - start, *self.frame_shape), self.dtype)
         for row in range(start, stop):
             frame = _part(self.path, self.parts[row])
-            _require_form(self.parts[row], frame, self.frame_shape, self.kind)
+            _require_form(self.parts[row], frame, self.frame_shape, self.dtype)
             read[row - start] = _values(frame)
         return read
 
@@ -105,22 +87,13 @@ class JoinedArrays:
     parts: tuple[Part, ...]
     stops: tuple[int, ...]
     row_shape: tuple[int, ...]
-    kind: str
+    dtype: np.dtype[Any]
+    rows_together: int = 0
 
     @property
     def shape(self) -> tuple[int, ...]:
         """(n, ...) of all together."""
         return (self.stops[-1] if self.stops else 0, *self.row_shape)
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """As stored."""
-        return np.dtype(self.kind)
-
-    @property
-    def rows_together(self) -> int:
-        """Any number."""
-        return 0
 
     def rows(self, start: int, stop: int) -> NDArray[Any]:
         """Return rows, which may lie in several arrays; raises ``SourceError`` or ``OSError``."""
@@ -131,7 +104,7 @@ class JoinedArrays:
             begin = self.stops[number - 1] if number else 0
             end = min(stop, self.stops[number])
             array = _part(self.path, self.parts[number])
-            _require_form(self.parts[number], array, (self.stops[number] - begin, *self.row_shape), self.kind)
+            _require_form(self.parts[number], array, (self.stops[number] - begin, *self.row_shape), self.dtype)
             read[at - start : end - start] = _values(array)[at - begin : end - begin]
             at = end
         return read
@@ -181,7 +154,7 @@ def arrays_of(
         return None
     first = _part(folder, parts[0])
     if not is_joined:
-        return ArrayFrames(folder, tuple(parts), first.shape, first.kind)
+        return ArrayFrames(folder, tuple(parts), first.shape, first.dtype)
     # An array without rows has no type that counts: NumPy makes it float64.
     filled: list[tuple[Part, NpyArray]] = []
     for part in parts:
@@ -192,9 +165,9 @@ def arrays_of(
             filled.append((part, array))
     first = filled[0][1] if filled else first
     for part, array in filled:
-        _require_form(part, array, (array.shape[0], *first.shape[1:]), first.kind)
+        _require_form(part, array, (array.shape[0], *first.shape[1:]), first.dtype)
     stops = tuple(accumulate(array.shape[0] for _, array in filled))
-    return JoinedArrays(folder, tuple(part for part, _ in filled), stops, first.shape[1:], first.kind)
+    return JoinedArrays(folder, tuple(part for part, _ in filled), stops, first.shape[1:], first.dtype)
 
 
 def _part(folder: Path, part: Part) -> NpyArray:
@@ -214,7 +187,7 @@ def _part(folder: Path, part: Part) -> NpyArray:
     if (stated := prod(shape) * dtype.itemsize) != held:
         message = f"Expected {stated} bytes of {_named(part)}, got {held}"
         raise SourceError("unreadable", "truncated", message)
-    return NpyArray(path, member, changed_ns, tuple(map(int, shape)), dtype.str)
+    return NpyArray(path, member, changed_ns, tuple(map(int, shape)), dtype)
 
 
 def _values(array: NpyArray) -> NDArray[Any]:
@@ -224,9 +197,9 @@ def _values(array: NpyArray) -> NDArray[Any]:
     return values
 
 
-def _require_form(part: Part, array: NpyArray, shape: tuple[int, ...], kind: str) -> None:
-    if (array.shape, array.kind) != (shape, kind):
-        message = f"Expected {_named(part)} as {kind} {shape}, got {array.kind} {array.shape}"
+def _require_form(part: Part, array: NpyArray, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    if (array.shape, array.dtype) != (shape, dtype):
+        message = f"Expected {_named(part)} as {dtype.str} {shape}, got {array.dtype.str} {array.shape}"
         raise SourceError("wrong_shape", "wrong_shape", message)
 
 
@@ -251,7 +224,7 @@ def npy_array(path: Path) -> NpyArray:
         raise SourceError(
             "unreadable", "truncated", f"Expected {stated} bytes of values in {path.name}, got {size - start}"
         )
-    return NpyArray(path, "", changed_ns, tuple(map(int, shape)), dtype.str)
+    return NpyArray(path, "", changed_ns, tuple(map(int, shape)), dtype)
 
 
 def npz_names(path: Path) -> tuple[str, ...]:
@@ -271,7 +244,7 @@ def npz_array(path: Path, member: str) -> NpyArray | None:
         return None
     changed_ns = path.stat().st_mtime_ns
     array = _member(path, member, changed_ns)
-    return NpyArray(path, member, changed_ns, array.shape, array.dtype.str)
+    return NpyArray(path, member, changed_ns, array.shape, array.dtype)
 
 
 @contextmanager

@@ -39,24 +39,15 @@ class NumberTable:
         Time of its last change: other content is parsed anew.
     shape
         (rows, columns).
-    kind
+    dtype
         ``int64`` where every number is whole, else ``float64``.
     """
 
     path: Path
     changed_ns: int
     shape: tuple[int, ...]
-    kind: str
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Whole or floating-point numbers."""
-        return np.dtype(self.kind)
-
-    @property
-    def rows_together(self) -> int:
-        """Any number."""
-        return 0
+    dtype: np.dtype[Any]
+    rows_together: int = 0
 
     def rows(self, start: int, stop: int) -> NDArray[Any]:
         """Return rows, (stop - start, columns)."""
@@ -67,7 +58,7 @@ def number_table(path: Path) -> NumberTable:
     """Return the numbers in a text file; raises ``SourceError`` or ``OSError``."""
     changed_ns = path.stat().st_mtime_ns
     numbers = _parsed(path, changed_ns)
-    return NumberTable(path, changed_ns, numbers.shape, str(numbers.dtype))
+    return NumberTable(path, changed_ns, numbers.shape, numbers.dtype)
 
 
 @lru_cache(maxsize=8)
