@@ -5,7 +5,8 @@ more flaws of the frames' antialiasing, and it localises less in time. States of
 may still grow, at both ends of a state, are not summarised.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import pi
 from typing import Final
 
 import numpy as np
@@ -23,7 +24,14 @@ from fedora_qa.estimators.events.conservation import (
 from fedora_qa.estimators.events.pixels import add_counts, mark_bursts
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import ROUNDING_DN, ResampledFrames, resampled_frames, sensor_events, sensor_shape
+from fedora_qa.views.event_camera import (
+    ROUNDING_DN,
+    ResampledFrames,
+    events_around,
+    resampled_frames,
+    sensor_events,
+    sensor_shape,
+)
 
 Bool = NDArray[np.bool_]
 Float64 = NDArray[np.float64]
@@ -42,6 +50,11 @@ MOST_BEYOND_PHASE: Final = 0.1
 
 MISMATCH_SIGMAS: Final = 5.0
 """Multiple of the declared spread of thresholds: one pixel in two million lies beyond it."""
+
+SETTLING_TIME_CONSTANTS: Final = 5.0
+"""Time constants of a low-pass within which a step has arrived: 99.3% of it."""
+NYQUIST_PX: Final = 1.0
+"""Half the period of the finest texture of an image."""
 
 EVEN, ALL = 0, 1
 """Rules for the acceptance of frames: frames that are even enough to add to the bounds by the events, and all frames.
@@ -211,6 +224,8 @@ class FrameRuns:
         resampled, declared = resampled_frames(window), window.facts.declared.events
         if declared is None or len(resampled) < 2:
             return
+        if declared.bandwidth_hz > 0:
+            resampled = settled_frames(window, resampled, declared.bandwidth_hz)
         rounding_dn, excused = ROUNDING_DN[window.facts.declared.transfer], excused_pixels(window, declared)
         group = window.span.start_ns // GROUP_NS
         last = self.groups[-1][1] if self.groups and self.groups[-1][0] == group else []
@@ -331,6 +346,68 @@ def excused_pixels(window: Window, declared: EventModel) -> Bool:
         if 0 <= row < excused.shape[0] and 0 <= column < excused.shape[1]:
             excused[row, column] = True
     return excused
+
+
+def settled_frames(window: Window, resampled: ResampledFrames, bandwidth_hz: float) -> ResampledFrames:
+    """Return the frames of a window, used only at pixels that have settled behind a low-pass.
+
+    A first-order low-pass of the light x has the output y, with x - y = tau dy/dt and tau = 1 / (2 pi f). Events follow
+    y, and frames are of x. A pixel without events within 5 tau after a frame has a y that stays within C+ + C-. If x
+    does not turn back in that time, y has passed 1 - exp(-5) of the distance. The distance then adds at most 0.7% to
+    the range of E, which is below the rounding of a frame. A frame is not used at pixels with events within 5 tau
+    before or after it.
+
+    The finest texture of an image has a period of 2 px. It turns back where the image moves by 1 px within 5 tau, and y
+    then varies less than x without an event. Frames of such motion are not used at all. With texture of no preferred
+    direction, (v . grad x)^2 has the mean v^2 |grad x|^2 / 2, which gives the motion v between two frames. Faster than
+    the texture is wide, v is too small; change of the light and noise make it too large.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence.
+    resampled
+        Its frames at the pixels of the event camera.
+    bandwidth_hz
+        Declared cut-off f of the low-pass, Hz, above 0.
+
+    Returns
+    -------
+    ResampledFrames
+        With infinite errors where a frame is not used.
+    """
+    settling_ns = SETTLING_TIME_CONSTANTS * NS_PER_S / (2 * pi * bandwidth_hz)
+    error_dn = resampled.error_dn.copy()
+    if settling_ns >= GROUP_NS:
+        # No pixel settles within the frames that are compared.
+        error_dn[...] = np.inf
+        return replace(resampled, error_dn=error_dn)
+    intervals_ns = np.diff(resampled.times_ns)
+    valid = np.isfinite(resampled.error_dn).all(axis=0)
+    speeds_px_ns = _motion_px(resampled.uniform_dn, valid) / np.maximum(intervals_ns, 1)
+    # A frame takes the faster of the intervals before and after it.
+    fastest_px_ns = np.maximum(np.append(speeds_px_ns, 0.0), np.insert(speeds_px_ns, 0, 0.0))
+    error_dn[fastest_px_ns * settling_ns >= NYQUIST_PX] = np.inf
+    events = events_around(window, int(settling_ns))
+    for image, time_ns in zip(error_dn, resampled.times_ns.tolist(), strict=True):
+        first, stop = np.searchsorted(events.times_ns, (time_ns - settling_ns, time_ns + settling_ns))
+        image[events.y[first:stop], events.x[first:stop]] = np.inf
+    return replace(resampled, error_dn=error_dn)
+
+
+def _motion_px(images_dn: NDArray[np.float32], valid: Bool) -> Float64:
+    """Return the root mean square of image motion (n - 1,) between images (n, h, w), px, over valid pixels (h, w)."""
+    change = np.diff(images_dn, axis=0).astype(np.float64)[:, valid]
+    # Over a distance of 1 px, half of |grad x|^2 is the mean over both axes.
+    down = np.diff(images_dn[:-1], axis=1).astype(np.float64)[:, valid[1:] & valid[:-1]]
+    right = np.diff(images_dn[:-1], axis=2).astype(np.float64)[:, valid[:, 1:] & valid[:, :-1]]
+    texture = np.square(np.concatenate([down, right], axis=1))
+    return np.sqrt(_row_means(np.square(change)) / np.maximum(_row_means(texture), np.finfo(np.float64).tiny))
+
+
+def _row_means(values: Float64) -> Float64:
+    """Return the means (n,) of rows (n, m); 0 where m = 0."""
+    return np.asarray(values.sum(axis=1) / max(values.shape[1], 1))
 
 
 def join(

@@ -1,7 +1,7 @@
 """Events against log intensity: conservation of the signal less the sum of its events."""
 
 from dataclasses import dataclass, field
-from math import ceil, expm1, inf, pi, sqrt
+from math import ceil, expm1, inf, sqrt
 from typing import Final
 
 import numpy as np
@@ -185,8 +185,8 @@ class EventResponseConservation(Check[ConservationState]):
     The bounds of the signal by a frame hold with certainty: half a step of the 8-bit code, which in L is proportional
     to 1/I, plus the possible values of the pixels that a footprint cuts. Dark and curved regions need no mask: their
     bounds are only wider. The thresholds of a pixel are constant: their declared spread widens the law by five sigma an
-    event. A declared leak moves the law. As many violations are allowed as declared spurious events may have caused;
-    under a declared low-pass, also the pixels with events around frame times.
+    event. A declared leak moves the law. As many violations are allowed as declared spurious events may have caused.
+    Behind a declared low-pass, a frame is used only at pixels without events within five of its time constants.
 
     No bound covers a renderer that samples its pixels too coarsely. Frames in which the cut pixels alone leave the
     signal uncertain by C+ + C- or more are therefore not used: their bound would have to be exact, and events determine
@@ -389,20 +389,12 @@ class EventResponseConservation(Check[ConservationState]):
 
 
 def _excused_share(group: FrameRunSummary, declared: EventModel, facts: Facts) -> float:
-    """Return the largest share of the pixels that declared noise and a declared low-pass let violate the law."""
+    """Return the share of the pixels that declared spurious events let violate the law."""
     # A spurious event changes a pixel by a threshold: a Poisson process of the declared rate gives at least one event
     # in this fraction of the pixels.
     times_ns = facts.clocks["rgb"].times_ns
     seconds = float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S
-    spurious = -expm1(-declared.shot_rate_hz * seconds)
-    # A low-pass delays events: pixels with events within five time constants, 1 / (2 pi f) each, of a frame time may
-    # lag by more than their bound.
-    lagging = 0.0
-    if declared.bandwidth_hz > 0:
-        around_s = 10 / (2 * pi * declared.bandwidth_hz)
-        # Events a pixel within that time around all frames: an upper bound of the share of pixels with events in it.
-        lagging = group.events_per_pixel / max(seconds, 1e-9) * around_s * group.frames
-    return min(spurious + lagging, 1.0)
+    return -expm1(-declared.shot_rate_hz * seconds)
 
 
 def _courses(moments: list[NDArray[np.float32]], model: EventModel, violating: Bool) -> ChangeCourses:
