@@ -54,4 +54,5 @@ def test_lost_events_are_detected_behind_a_low_pass(tmp_path: Path) -> None:
     assert passed.outcome == "passed"
     assert failed.outcome == "failed"
     (share,) = (each for each in passed.measurements if each.name == "violating_pixels")
+    assert share.least_detectable is not None
     assert share.least_detectable < 0.01
