@@ -99,7 +99,7 @@ class Tolerance:
         )
 
 
-def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFAULT_POWER) -> Tolerance:
+def tolerance_for(comparisons: int, false_alarm_rate: float) -> Tolerance:
     """Return the tolerance of each comparison where comparisons share the false-alarm rate of a file.
 
     Parameters
@@ -108,8 +108,6 @@ def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFA
         Number of comparisons that share the rate; 0 counts as 1.
     false_alarm_rate
         Probability that a correct file fails, between 0 and 1.
-    power
-        Probability with which the least detectable fault is detected, between 0 and 1.
 
     Returns
     -------
@@ -119,14 +117,14 @@ def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFA
     Raises
     ------
     ValueError
-        If the rate or the power is not between 0 and 1.
+        If the rate is not between 0 and 1.
     """
-    if not 0 < false_alarm_rate < 1 or not 0 < power < 1:
-        raise ValueError(f"Expected rates between 0 and 1, got {false_alarm_rate} and {power}")
+    if not 0 < false_alarm_rate < 1:
+        raise ValueError(f"Expected a rate between 0 and 1, got {false_alarm_rate}")
     rate_of_comparison = false_alarm_rate / max(comparisons, 1)  # Bonferroni
     # z = Phi^-1(1 - alpha / (2 n)): two-sided, half of the rate in each tail. z_power = Phi^-1(power): a fault changes
     # the value in one direction.
-    return Tolerance(z_limit=normal_beyond(rate_of_comparison / 2), z_power=normal_beyond(1 - power))
+    return Tolerance(z_limit=normal_beyond(rate_of_comparison / 2), z_power=normal_beyond(1 - DEFAULT_POWER))
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,8 +31,6 @@ class EventBalance(Feature):
     ----------
     gain
         Events for an event that is due: below 1 where events are missing, above where they are in excess.
-    gain_off, gain_on
-        The same of falling and of rising light.
     growth
         Further events for each further threshold of a change, relative to the gain.
     scatter
@@ -44,8 +42,6 @@ class EventBalance(Feature):
     """
 
     gain: GainEstimate
-    gain_off: GainEstimate
-    gain_on: GainEstimate
     growth: GainEstimate
     scatter: GainEstimate
     spread: GainEstimate
@@ -84,30 +80,17 @@ class EventsAgainstChange(Feature):
         Their number.
     rate_hz
         Of a pixel.
-    dark_rate_hz, bright_rate_hz
-        Of the pixels of the darker and of the brighter half; 0 where none was compared.
-    column_share, row_share
-        Share of them in a few columns, and in a few rows at a time.
+    column_share
+        Share of them in a few columns.
     """
 
     events: int
     rate_hz: float
-    dark_rate_hz: float
-    bright_rate_hz: float
     column_share: float
-    row_share: float
 
 
 def window_balance(window: Window, model: EventModel) -> BalanceSums:
-    """Return the sums of a window with two frames or more.
-
-    Parameters
-    ----------
-    window
-        The window.
-    model
-        The declared event sensor.
-    """
+    """Return the sums of a window with two frames or more."""
     resampled = resampled_frames(window)
     thresholds, intervals_ns = (model.threshold_off, model.threshold_on), np.diff(resampled.times_ns)
     return sum_balance(*signal(resampled, model), resampled.counts, thresholds, intervals_ns)
@@ -128,20 +111,16 @@ def balance_features(sums: BalanceSums | None) -> tuple[Feature, ...]:
     """
     if sums is None:
         return ()
-    line, by_sign = response_line(sums.moments), [response_line(sums.moments[:, [i]]) for i in (0, 1)]
+    line = response_line(sums.moments)
     events, seconds = int(sums.against.sum()), float(sums.seconds.sum())
     features: list[Feature] = []
     if seconds > 0:
-        shares = concentration(sums.columns_against.sum(axis=0)), concentration(sums.rows_against)
-        by_light, seconds_by_light = sums.against.sum(axis=(0, 1)), sums.seconds.sum(axis=(0, 1))
-        dark_hz, bright_hz = np.divide(by_light, seconds_by_light, out=np.zeros(2), where=seconds_by_light > 0).tolist()
-        features.append(EventsAgainstChange(events, events / seconds, dark_hz, bright_hz, *shares))
+        column_share = concentration(sums.columns_against.sum(axis=0))
+        features.append(EventsAgainstChange(events, events / seconds, column_share))
     if line is None:
         return tuple(features)
-    unknown = GainEstimate(line.gain.value, inf)
-    off, on = (unknown if each is None else each.gain for each in by_sign)
     spread = threshold_spread(sums.agreement)
-    features.append(EventBalance(line.gain, off, on, line.growth, line.scatter, spread, silent_share(sums.moments)))
+    features.append(EventBalance(line.gain, line.growth, line.scatter, spread, silent_share(sums.moments)))
     over_time, across = gain_over_time(sums.moments, FEWEST_INTERVALS), gain_across(sums.moments)
     if over_time is not None:
         of_part = response_line(sums.moments[over_time.first : over_time.stop])

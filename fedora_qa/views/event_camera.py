@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.clocks.grid import crowded_step_ns
-from fedora_qa.estimators.events.footprint import FootprintAxis, Footprints, column_axis, row_axis
+from fedora_qa.estimators.events.footprint import FootprintAxis, Footprints, footprint_axis
 from fedora_qa.estimators.events.orientation import LEAST_LIGHT
 from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel, count_between_frames
 from fedora_qa.record.types import Where
@@ -83,8 +83,6 @@ def events_around(window: Window, margin_ns: int) -> Events:
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     margin_ns
         Time before the start and after the stop of the window, ns.
 
@@ -101,8 +99,6 @@ def corrected_events(window: Window, offset_ns: int) -> Events:
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     offset_ns
         Clock offset of the events, ns; positive where timestamps are too late.
 
@@ -123,8 +119,6 @@ def own(window: Window, events: Events) -> Events:
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     events
         In the order of time, ns from the file's origin.
 
@@ -306,8 +300,7 @@ def _footprint_axis(
     if at_corners:
         # A ray at u + 1/2 is at u once the principal point is moved by -1/2.
         K_event[:2, 2] -= 0.5
-    make = (row_axis, column_axis)[axis]
-    return make(K_frame, shape_frame[axis], K_event, sensor_shape(window.facts.declared)[axis]).packed()
+    return footprint_axis(K_frame, shape_frame, K_event, sensor_shape(window.facts.declared), axis).packed()
 
 
 def intervals_due(window: Window, resampled: ResampledFrames, per_window: int) -> int:
@@ -318,8 +311,6 @@ def intervals_due(window: Window, resampled: ResampledFrames, per_window: int) -
 
     Parameters
     ----------
-    window
-        The window of the frames.
     resampled
         The window's frames, two or more.
     per_window
@@ -399,8 +390,6 @@ def lattice_signals(
 
     Parameters
     ----------
-    window
-        The window of the frames.
     resampled
         The window's frames.
     declared

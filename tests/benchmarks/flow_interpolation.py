@@ -5,7 +5,8 @@ The texture's amplitudes fall as 1/frequency up to 4 rad/px, beyond what pixels 
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, spline_filter
 
 from fedora_qa.estimators.flow.residual import TileGrid, patches_of, pixels_of, tile_residuals
-from fedora_qa.estimators.flow.warp import BILINEAR, SPLINE, Interpolator, blur
+from fedora_qa.estimators.flow.warp import read_at_pixels, read_between, smooth
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
 
 Float32 = NDArray[np.float32]
@@ -49,8 +50,36 @@ version.
 """
 
 
+@dataclass(frozen=True, slots=True)
+class Interpolator:
+    """A method of reading frames between their pixels.
+
+    Attributes
+    ----------
+    smoothed
+        From an image (H, W) and a standard deviation in px to the image that is read.
+    at_pixels
+        From that image to the values (H, W) of ``between`` at all pixel centres.
+    between
+        From that image and finite positions (n, m), columns and rows, px, to the values there.
+    """
+
+    smoothed: Callable[[Float32, float], Float32]
+    at_pixels: Callable[[Float32], Float32]
+    between: Callable[[Float32, Float32, Float32], Float32]
+
+
+def _blur(image: Float32, sigma_px: float) -> Float32:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px, borderType=cv2.BORDER_REFLECT_101), dtype=np.float32)
+
+
+def _bilinear(image: Float32, columns: Float32, rows: Float32) -> Float32:
+    read = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
+    return np.asarray(read, dtype=np.float32)
+
+
 def _prefiltered(image: Float32, sigma_px: float) -> Float32:
-    return np.asarray(spline_filter(blur(image, sigma_px), order=3, mode="mirror"), dtype=np.float32)
+    return np.asarray(spline_filter(_blur(image, sigma_px), order=3, mode="mirror"), dtype=np.float32)
 
 
 def _spline_at(coefficients: Float32, columns: Float32, rows: Float32) -> Float32:
@@ -68,13 +97,16 @@ def _cubic(image: Float32, columns: Float32, rows: Float32) -> Float32:
     return np.asarray(read, dtype=np.float32)
 
 
+_BILINEAR: Final = Interpolator(_blur, lambda blurred: blurred, _bilinear)
+_SPLINE: Final = Interpolator(smooth, read_at_pixels, read_between)
+
 KERNELS: Final = (
-    ("bilinear", 1.0, BILINEAR),
-    ("bilinear", 0.7, BILINEAR),
-    ("spline", 1.0, SPLINE),
-    ("spline", 0.7, SPLINE),
+    ("bilinear", 1.0, _BILINEAR),
+    ("bilinear", 0.7, _BILINEAR),
+    ("spline", 1.0, _SPLINE),
+    ("spline", 0.7, _SPLINE),
     ("prefiltered spline", 0.7, Interpolator(_prefiltered, _spline_at_pixels, _spline_at)),
-    ("cubic of OpenCV", 1.0, Interpolator(blur, lambda blurred: blurred, _cubic)),
+    ("cubic of OpenCV", 1.0, Interpolator(_blur, lambda blurred: blurred, _cubic)),
 )
 
 

@@ -36,8 +36,6 @@ def balance(
     of_all = GainEstimate(gain, 0.01)
     return EventBalance(
         of_all,
-        of_all,
-        of_all,
         GainEstimate(growth, 0.05),
         GainEstimate(scatter, scatter_error),
         GainEstimate(spread, 0.005),
@@ -84,12 +82,12 @@ def named(*features: Feature, model: EventModel = LOG) -> list[str]:
         # Tiles without any event hold what is missing.
         ((balance(0.6, silent=0.8),), None),
         # Events against the light.
-        ((balance(), EventsAgainstChange(200, 1.0, 1.8, 0.2, 0.0, 0.0)), "noise_misdeclared"),
-        ((balance(), EventsAgainstChange(200, 1.0, 1.0, 1.0, 0.9, 0.0)), "hot_pixels"),
-        ((balance(), EventsAgainstChange(200, 0.01, 0.01, 0.01, 0.0, 0.0)), None),
-        ((balance(), EventsAgainstChange(3, 1.0, 1.0, 1.0, 0.0, 0.0)), None),
+        ((balance(), EventsAgainstChange(200, 1.0, 0.0)), "noise_misdeclared"),
+        ((balance(), EventsAgainstChange(200, 1.0, 0.9)), "hot_pixels"),
+        ((balance(), EventsAgainstChange(200, 0.01, 0.0)), None),
+        ((balance(), EventsAgainstChange(3, 1.0, 0.0)), None),
         # Of a part of the time that does not follow the light they are no noise.
-        ((balance(0.9), course("part", -0.5, error=0.6), EventsAgainstChange(200, 1.0, 1.0, 1.0, 0.0, 0.0)), None),
+        ((balance(0.9), course("part", -0.5, error=0.6), EventsAgainstChange(200, 1.0, 0.0)), None),
     ],
 )
 def test_gain_and_scatter_name_the_cause(features: tuple[Feature, ...], cause: str | None) -> None:
@@ -113,7 +111,7 @@ def test_a_gain_of_the_whole_file_is_left_to_the_check_of_thresholds() -> None:
 
 def test_declared_noise_is_no_fault() -> None:
     """Of which half comes against the light."""
-    against = EventsAgainstChange(200, 1.0, 1.0, 1.0, 0.0, 0.0)
+    against = EventsAgainstChange(200, 1.0, 0.0)
     assert named(balance(), against, model=replace(LOG, shot_rate_hz=2.0)) == []
 
 

@@ -5,9 +5,12 @@ The mean of a cosine over a pixel is the cosine times two sincs, so frames and e
 
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fedora_qa.estimators.events.footprint import Footprints, FootprintTaps, footprint_axis
 
 Floats = NDArray[np.float64]
 Phasors = NDArray[np.complex128]
@@ -98,6 +101,29 @@ def camera_matrix(width: int, height: int) -> Floats:
     """K of a camera of 60 degrees with its principal point in the middle."""
     focal = width / (2 * np.tan(np.pi / 6))
     return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+
+
+def footprints(
+    K_frame: Floats, shape_frame: tuple[int, int], K_event: Floats, shape_event: tuple[int, int]
+) -> Footprints:
+    """Those of the pixels of the event camera (h, w) in the frame (H, W)."""
+    rows, columns = (footprint_axis(K_frame, shape_frame, K_event, shape_event, axis) for axis in (0, 1))
+    return Footprints(rows, columns)
+
+
+def weighted_means(prints: Footprints, name: str, image: NDArray[Any]) -> Floats:
+    """Means (h, w) of an image (H, W) over footprints by a reconstruction, in double precision."""
+    rows, columns = (
+        _dense(getattr(axis, name), size) for axis, size in zip((prints.rows, prints.columns), image.shape, strict=True)
+    )
+    return rows @ image @ columns.T
+
+
+def _dense(taps: FootprintTaps, size: int) -> Floats:
+    matrix = np.zeros((len(taps.first), size))
+    pixels = taps.first[:, np.newaxis] + np.arange(taps.weights.shape[1])
+    np.put_along_axis(matrix, pixels, taps.weights, axis=1)
+    return matrix
 
 
 def log_events(

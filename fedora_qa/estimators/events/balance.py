@@ -44,9 +44,6 @@ _TWO: Final = 2.0
 _ONE_SIGN: Final = 0.25
 """Least change of the signal whose sign rounding leaves, thresholds."""
 
-_MEDIAN_OF: Final = 128
-"""Rows and columns, evenly spread, of which the median of the light is taken."""
-
 MOMENTS: Final = 6
 """Sums of 1, k, e, k k, k e and e e."""
 
@@ -61,22 +58,19 @@ class BalanceSums:
         (k, 2, 2, t, 6) sums of 1, k, e, k k, k e and e e, of falling and rising light, of changes by one threshold and
         by two or more, by tile; k is the change in thresholds, e the events less those against it.
     against
-        (k, 2, 2) events against the change of falling and of rising light, in the darker and the brighter half.
+        (k,) events against the change.
     seconds
-        (k, 2, 2) times of the pixels in which ``against`` were counted, s.
-    rows_against
-        (k, h) events against the change, by row.
+        (k,) times of the pixels in which ``against`` were counted, s.
     columns_against
-        (v, w) the same by column.
+        (v, w) events against the change, by column.
     agreement
         (v, t, 2) sums of R R' and K K' by tile: K is the change and R the deviation from the line of a pixel in the
         first half of a window, K' and R' in the second.
     """
 
     moments: NDArray[np.float32]
-    against: Float64
+    against: Int64
     seconds: Float64
-    rows_against: Int32
     columns_against: Int32
     agreement: Float64
 
@@ -109,16 +103,14 @@ def sum_balance(
     BalanceSums
         Of the n - 1 intervals.
     """
-    intervals, (height, width) = len(counts), levels.shape[1:]
-    brightness = levels[0, :: max(height // _MEDIAN_OF, 1), :: max(width // _MEDIAN_OF, 1)]
+    intervals = len(counts)
     sums = WindowSums(
         np.zeros((intervals, 2, 2, TILES**2, MOMENTS)),
-        np.zeros((intervals, 2, 2, 2), np.int64),
-        np.zeros((intervals, height), np.int32),
-        np.zeros((1, width), np.int32),
+        np.zeros((intervals, 2), np.int64),
+        np.zeros((1, levels.shape[2]), np.int32),
         np.zeros((TILES**2, 3, 3)),
     )
-    add_changes(levels, lit, counts, thresholds, float(np.median(brightness)), sums)
+    add_changes(levels, lit, counts, thresholds, sums)
     agreement = np.zeros((1, TILES**2, 2))
     count, k, e, kk, ke, _ = sums.moments.sum(axis=(0, 1, 2, 3))
     if count * kk > k * k:
@@ -126,10 +118,9 @@ def sum_balance(
         slope = (count * ke - k * e) / (count * kk - k * k)
         deviation = np.array([-(e - slope * k) / count, -slope, 1.0])
         agreement[0] = np.stack([deviation @ sums.halves @ deviation, sums.halves[:, 1, 1]], axis=1)
-    against, pixels = np.moveaxis(sums.against, -1, 0)
-    seconds = pixels * (intervals_ns / NS_PER_S)[:, np.newaxis, np.newaxis]
-    of_events = against.astype(np.float64)
-    return BalanceSums(sums.moments.astype(np.float32), of_events, seconds, sums.rows, sums.columns, agreement)
+    against, pixels = sums.against.T
+    seconds = pixels * (intervals_ns / NS_PER_S)
+    return BalanceSums(sums.moments.astype(np.float32), against, seconds, sums.columns, agreement)
 
 
 class WindowSums(NamedTuple):
@@ -140,9 +131,9 @@ class WindowSums(NamedTuple):
     moments
         (n - 1, 2, 2, t, 6), as of ``BalanceSums``.
     against
-        (n - 1, 2, 2, 2) events against the change, and pixels in which they were counted.
-    rows, columns
-        (n - 1, h) and (1, w) events against the change.
+        (n - 1, 2) events against the change, and pixels in which they were counted.
+    columns
+        (1, w) events against the change.
     halves
         (t, 3, 3) products of number, sum of changes and sum of events of a pixel, in the first half of the intervals
         and in the second.
@@ -150,7 +141,6 @@ class WindowSums(NamedTuple):
 
     moments: Float64
     against: Int64
-    rows: Int32
     columns: Int32
     halves: Float64
 
@@ -161,7 +151,6 @@ def add_changes(
     lit: Bool,
     counts: Int32,
     thresholds: tuple[float, float],
-    middle: float,
     sums: WindowSums,
 ) -> None:
     """Add the changes of all pixels and their events to the sums, in place.
@@ -170,12 +159,10 @@ def add_changes(
     ----------
     levels, lit, counts, thresholds
         As of ``sum_balance``.
-    middle
-        Level at the first frame that divides the darker from the brighter half.
     sums
         Updated.
     """
-    moments, against, rows, columns, halves = sums
+    moments, against, columns, halves = sums
     off, on = thresholds
     intervals, height, width = counts.shape[0], counts.shape[2], counts.shape[3]
     changes, of_pixel = np.empty((intervals, width)), np.empty((2, 3, width))
@@ -199,10 +186,8 @@ def add_changes(
                     direction = 1.0 if sign == 1 else -1.0
                     if min(changes[i - 1, column] * direction, changes[i + 1, column] * direction) > _ONE_SIGN:
                         wrong = darker if sign == 1 else brighter
-                        bright = 1 if levels[0, row, column] > middle else 0
-                        against[i, sign, bright, 0] += wrong
-                        against[i, sign, bright, 1] += 1
-                        rows[i, row] += wrong
+                        against[i, 0] += wrong
+                        against[i, 1] += 1
                         columns[0, column] += wrong
                 if k >= 1.0:
                     # Events with the change less those against it, in thresholds of its sign.

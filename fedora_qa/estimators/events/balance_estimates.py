@@ -229,7 +229,7 @@ def concentration(counts: NDArray[np.integer[Any]]) -> float:
     Parameters
     ----------
     counts
-        Events against the change of the light, by columns, or by rows of each interval.
+        Events against the change of the light, by columns.
     """
     mean = counts.mean()
     beyond = counts > mean + _SIGMAS * sqrt(mean + 1)

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 Bool = NDArray[np.bool_]
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
-Weighted = tuple[NDArray[np.int64], Float64]
-"""First pixel (m,) and weights (m, k) of the pixels from there."""
 Weighted32 = tuple[NDArray[np.int64], Float32]
+"""First pixel (m,) and weights (m, k) of the pixels from there."""
 
 LEFT_BY_SHARP = 0.7
 """Bound on the error of a result by the edge-aware reconstruction, as a share of its distance from the result by the
@@ -144,46 +143,16 @@ class Footprints:
     rows: FootprintAxis
     columns: FootprintAxis
 
-    @property
-    def inside(self) -> NDArray[np.bool_]:
-        """Mask (h, w) of the pixels whose footprint lies wholly in the frame."""
-        return self.rows.inside[:, np.newaxis] & self.columns.inside
-
-    def average(self, image: NDArray[Any]) -> Float64:
-        """Return the means (h, w) of an (H, W) image over the footprints, by the uniform reconstruction."""
-        return _weighted_means(self.rows.uniform, image, self.columns.uniform)
-
-    def edge_aware_average(self, image: NDArray[Any]) -> Float64:
-        """Return the means (h, w) of an (H, W) image over the footprints, by the edge-aware reconstruction."""
-        return _weighted_means(self.rows.edge_aware, image, self.columns.edge_aware)
-
-    def split_bound(self, contrast: NDArray[Any]) -> Float64:
-        """Return a bound on the error of ``average`` by frame pixels that the border of a footprint cuts.
-
-        A frame pixel of mean m whose share s lies in the footprint counts as s m. If the pixel contains a step of
-        height d, the error is at most s (1 - s) d, which is reached where the step lies along the border.
-
-        Parameters
-        ----------
-        contrast
-            (H, W) bound of d at each frame pixel.
-
-        Returns
-        -------
-        Float64
-            (h, w) in the unit of ``contrast``.
-        """
-        # sum of (s - s^2) d over the pixels of the footprint, each relative to its size
-        return self.average(contrast) - _weighted_means(self.rows.split, contrast, self.columns.split)
-
     def resample(
         self, luma: Float32, clipped: Bool, rounding: float, *, edge_aware: Float32, uniform: Float32, error: Float32
     ) -> None:
         """Write both averages of an image, and a bound on the error of the uniform one.
 
-        The bound is ``rounding`` plus ``split_bound`` of the contrast of the image: the range of values among a pixel
-        and its eight neighbours. The bound is infinite where a footprint leaves the image, or touches a clipped pixel
-        or a neighbour of one.
+        A frame pixel of mean m whose share s lies in the footprint counts as s m. If the pixel contains a step of
+        height d, the error is at most s (1 - s) d, which is reached where the step lies along the border. The bound is
+        ``rounding`` plus the sum of s (1 - s) d over the footprint, relative to its size, where d is the range of
+        values among the pixel and its eight neighbours. It is infinite where a footprint leaves the image, or touches a
+        clipped pixel or a neighbour of one.
 
         Parameters
         ----------
@@ -200,10 +169,10 @@ class Footprints:
         resample_frame(luma, clipped, rows, columns, rounding, FrameReconstructions(edge_aware, uniform, error))
 
 
-def footprints(
-    K_frame: Float64, shape_frame: tuple[int, int], K_event: Float64, shape_event: tuple[int, int]
-) -> Footprints:
-    """Return the footprints of the pixels of the event camera in the frame.
+def footprint_axis(
+    K_frame: Float64, shape_frame: tuple[int, int], K_event: Float64, shape_event: tuple[int, int], axis: int
+) -> FootprintAxis:
+    """Return the weights of the rows (axis 0) or columns (1) of the frame for those of the event camera.
 
     Parameters
     ----------
@@ -211,56 +180,12 @@ def footprints(
         (3, 3) intrinsics without skew, px; pixel centres are whole numbers.
     shape_frame, shape_event
         Rows and columns of the frame (H, W) and of the event camera (h, w).
-
-    Returns
-    -------
-    Footprints
-        Of both axes.
+    axis
+        0 or 1.
     """
-    return Footprints(
-        row_axis(K_frame, shape_frame[0], K_event, shape_event[0]),
-        column_axis(K_frame, shape_frame[1], K_event, shape_event[1]),
-    )
-
-
-def row_axis(K_frame: Float64, height_frame: int, K_event: Float64, height_event: int) -> FootprintAxis:
-    """Return the weights of the rows of the frame for the rows of the event camera.
-
-    Parameters
-    ----------
-    K_frame, K_event
-        (3, 3) intrinsics without skew, px; pixel centres are whole numbers.
-    height_frame, height_event
-        Numbers of rows, px.
-
-    Returns
-    -------
-    FootprintAxis
-        Of the ``height_event`` rows.
-    """
-    return _axis(K_frame[1, 1:], K_event[1, 1:], height_frame, height_event)
-
-
-def column_axis(K_frame: Float64, width_frame: int, K_event: Float64, width_event: int) -> FootprintAxis:
-    """Return the weights of the columns of the frame for the columns of the event camera.
-
-    Parameters
-    ----------
-    K_frame, K_event
-        (3, 3) intrinsics without skew, px; pixel centres are whole numbers.
-    width_frame, width_event
-        Numbers of columns, px.
-
-    Returns
-    -------
-    FootprintAxis
-        Of the ``width_event`` columns.
-    """
-    return _axis(K_frame[0, [0, 2]], K_event[0, [0, 2]], width_frame, width_event)
-
-
-def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> FootprintAxis:
-    """Return the weights along one axis; ``frame`` and ``event`` are focal length and principal point, px."""
+    # K[0] holds f_x and c_x, K[1] holds f_y and c_y.
+    frame, event = K_frame[1 - axis, [1 - axis, 2]], K_event[1 - axis, [1 - axis, 2]]
+    size_frame, size_event = shape_frame[axis], shape_event[axis]
     # Edges of event pixels in frame pixels, from the left border of the first: x_to = K_to K_from^-1 x_from.
     # Pixel centres are whole numbers: -0.5 is the left border of a pixel, +0.5 counts from the left border of the
     # frame.
@@ -273,7 +198,7 @@ def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> F
     return FootprintAxis(
         FootprintTaps(uniform.first, uniform.weights / lengths),
         FootprintTaps(edge_aware.first, edge_aware.weights / lengths),
-        # s^2 / length, where ``uniform`` is s / length: their difference is the s (1 - s) of ``split_bound``.
+        # s^2 / length, where ``uniform`` is s / length: their difference is the s (1 - s) of ``resample``.
         FootprintTaps(uniform.first, uniform.weights**2 / lengths),
         inside,
     )
@@ -309,36 +234,6 @@ def _means(edges: Float64, size: int, points: int) -> FootprintTaps:
     # Weights of the size of rounding become 0: a clipped pixel with such a weight would exclude the footprint.
     weights[np.abs(weights) < 1e-12] = 0.0
     return FootprintTaps(start, weights)
-
-
-def _weighted_means(rows: FootprintTaps, image: NDArray[Any], columns: FootprintTaps) -> Float64:
-    """Return the weighted means (h, w) of an image (H, W)."""
-    means = np.empty((len(rows.first), len(columns.first)))
-    average_taps(np.ascontiguousarray(image), (rows.first, rows.weights), (columns.first, columns.weights), means)
-    return means
-
-
-@njit(cache=True)
-def average_taps(image: NDArray[Any], rows: Weighted, columns: Weighted, means: Float64) -> None:
-    """Write the weighted means of an image.
-
-    Parameters
-    ----------
-    image
-        (H, W) image.
-    rows, columns
-        First pixels (h,) and (w,), and weights (h, k) and (w, k), along each axis.
-    means
-        (h, w) receives the means, in the unit of the image.
-    """
-    line = np.empty(image.shape[1])
-    for row in range(means.shape[0]):
-        line[:] = 0.0
-        first, weights = rows[0][row], rows[1][row]
-        for i in range(len(weights)):
-            for column in range(len(line)):
-                line[column] += weights[i] * image[first + i, column]
-        _add_columns(line, columns[0], columns[1], means[row])
 
 
 @njit(cache=True)
@@ -398,7 +293,7 @@ def resample_frame(
             if kept_rows[slot] != first + i:
                 _contrast_of_row(luma, first + i, high, low, contrast[slot])
                 kept_rows[slot] = first + i
-            # split_bound: the contrast of each cut pixel has the weight s (1 - s).
+            # resample: the contrast of each cut pixel has the weight s (1 - s).
             _add_contrast(contrast[slot], weights[i], split_rows[1][row, i], whole, split)
         error = errors[row]
         _add_uniform_columns(uniform, whole, split, uniform_columns, split_columns[1], uniform_means[row], error)
@@ -431,21 +326,11 @@ def _add_contrast(row: Float32, weight: np.float32, split_weight: np.float32, wh
             split[column] += split_weight * row[column]
 
 
-@njit(cache=True, fastmath={"contract"})
-def _add_columns(line: Float64, first: NDArray[np.int64], weights: Float64, means: Float64) -> None:
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _add_columns32(line: Float32, first: NDArray[np.int64], weights: Float32, means: Float32) -> None:
     """Write the weighted sums (w,) of successive values of a line (W,)."""
     for column in range(len(means)):
         # Unsigned: an index that can be negative costs a comparison at each access.
-        pixel, total = np.uint64(first[column]), 0.0
-        for i in range(weights.shape[1]):
-            total += weights[column, i] * line[pixel + np.uint64(i)]
-        means[column] = total
-
-
-@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
-def _add_columns32(line: Float32, first: NDArray[np.int64], weights: Float32, means: Float32) -> None:
-    """Write the same as ``_add_columns``, in single precision."""
-    for column in range(len(means)):
         pixel, total = np.uint64(first[column]), np.float32(0)
         for i in range(weights.shape[1]):
             total += weights[column, i] * line[pixel + np.uint64(i)]

@@ -16,7 +16,6 @@ Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
 Columns = NDArray[np.uint16]
 Polarities = NDArray[np.uint8]
-Float64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 FIRST, LAST, EVENT, RUN = 1, 2, 1 << 2, 1 << 33

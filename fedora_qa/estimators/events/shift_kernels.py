@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
-Int32 = NDArray[np.int32]
 Flags = NDArray[np.uint8]
 Bools = NDArray[np.bool_]
 Images = NDArray[np.floating[Any]]

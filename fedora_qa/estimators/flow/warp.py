@@ -8,10 +8,8 @@ the square only, which shifts values by some hundredths of a pixel at quarter-pi
 A compiled loop sums the 16 coefficients of the spline. docs/flow-interpolation.md compares this with other methods.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
-from typing import Any, Final, TypeVar, cast
+from typing import Final
 
 import cv2
 import numpy as np
@@ -21,18 +19,11 @@ from numpy.typing import NDArray
 Float32 = NDArray[np.float32]
 Int64 = NDArray[np.int64]
 Colours = NDArray[np.uint8]
-Image = TypeVar("Image", bound=NDArray[Any])
-
-REMAP_ROUNDING_PX: Final = 0.0 if int(cv2.__version__.split(".", maxsplit=1)[0]) >= 5 else 1 / 64
-"""OpenCV 4 rounds the coordinates of bilinear reads to 1/32 px; OpenCV 5 does not (a test checks this)."""
 
 SPLINE_VARIANCE_PX2: Final = 1.0 / 3.0
 """Variance of the cubic B-spline."""
 
 _SPLINE_AT_PIXELS: Final = np.array([1 / 6, 4 / 6, 1 / 6], dtype=np.float32)
-
-_MOST_ROWS: Final = 32_766
-"""Below SHRT_MAX, which ``cv2.remap`` refuses. All tiles of a frame of 1440x1080 have 48,960 rows of pixels."""
 
 
 def smooth(image: Float32, sigma_px: float = 1.0) -> Float32:
@@ -91,65 +82,6 @@ def read_between(smoothed: Float32, columns: Float32, rows: Float32) -> Float32:
         (n, m) in the unit of the image.
     """
     return np.asarray(read_spline(smoothed, columns, rows), dtype=np.float32)
-
-
-def blur(image: Float32, sigma_px: float = 1.0) -> Float32:
-    """Return an image blurred by a Gaussian, as `read_bilinear` reads it.
-
-    Parameters
-    ----------
-    image
-        (H, W) of any unit.
-    sigma_px
-        Standard deviation of the Gaussian, px.
-
-    Returns
-    -------
-    ndarray of float32
-        (H, W), mirrored beyond the border.
-    """
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px, borderType=cv2.BORDER_REFLECT_101), dtype=np.float32)
-
-
-def read_bilinear(image: Float32, columns: Float32, rows: Float32) -> Float32:
-    """Return an image at any positions by bilinear interpolation.
-
-    Parameters
-    ----------
-    image
-        (H, W) of any unit.
-    columns, rows
-        (n, m) finite positions, px; the image is mirrored beyond its border.
-
-    Returns
-    -------
-    ndarray of float32
-        (n, m) in the unit of the image.
-    """
-    return read_at(image, columns, rows, cv2.INTER_LINEAR, cv2.BORDER_REFLECT_101)
-
-
-@dataclass(frozen=True, slots=True)
-class Interpolator:
-    """A method of reading frames between their pixels; docs/flow-interpolation.md compares methods.
-
-    Attributes
-    ----------
-    smoothed
-        From an image (H, W) and a standard deviation in px to the image that is read.
-    at_pixels
-        From that image to the values (H, W) of ``between`` at all pixel centres.
-    between
-        From that image and finite positions (n, m), columns and rows, px, to the values there.
-    """
-
-    smoothed: Callable[[Float32, float], Float32]
-    at_pixels: Callable[[Float32], Float32]
-    between: Callable[[Float32, Float32, Float32], Float32]
-
-
-BILINEAR: Final = Interpolator(blur, lambda blurred: blurred, read_bilinear)
-SPLINE: Final = Interpolator(smooth, read_at_pixels, read_between)
 
 
 @njit(cache=True)
@@ -458,29 +390,3 @@ def _smooth(luma: Float32, taps: Float32, smoothed: Float32) -> None:
             tap, above, below = taps[m], across[j + m], across[j + 2 * reach - m]
             for k in range(wide):
                 into[k] += tap * (above[k] + below[k])
-
-
-def read_at(
-    image: Image, columns: Float32, rows: Float32, interpolation: int, border: int = cv2.BORDER_CONSTANT
-) -> Image:
-    """Return an image at positions between its pixels.
-
-    Parameters
-    ----------
-    image
-        (H, W) of any unit.
-    columns, rows
-        (n, m) positions, px, of any n, and m below 32767.
-    interpolation, border
-        Flags of OpenCV: method of interpolation, and values beyond the image.
-
-    Returns
-    -------
-    ndarray
-        (n, m), of the type of the image.
-    """
-    if not columns.size:
-        return cast(Image, np.empty(columns.shape, image.dtype))
-    parts = (slice(first, first + _MOST_ROWS) for first in range(0, len(columns), _MOST_ROWS))
-    values = [cv2.remap(image, columns[part], rows[part], interpolation, borderMode=border) for part in parts]
-    return cast(Image, values[0] if len(values) == 1 else np.concatenate(values))

@@ -140,17 +140,6 @@ def test_spurious_events_come_against_the_light() -> None:
         assert float(sums.against.sum()) / seconds == pytest.approx(rate_hz, abs=4 * error)
 
 
-def test_noise_of_dark_pixels_is_that_of_the_darker_half() -> None:
-    """The half by the first frame: here by rows, of which the upper are darker."""
-    levels, counts = world(0)
-    levels = levels + np.where(np.arange(SHAPE[0]) < SHAPE[0] // 2, 0.0, 9.0)[:, np.newaxis].astype(np.float32)
-    random = np.random.default_rng(5)
-    counts[:, :, : SHAPE[0] // 2] += random.poisson(0.05, counts[:, :, : SHAPE[0] // 2].shape).astype(np.int32)
-    sums = sum_balance(levels, np.ones(levels.shape, np.bool_), counts, (OFF, ON), np.full(len(counts), INTERVAL_NS))
-    dark, bright = sums.against.sum(axis=(0, 1)) / sums.seconds.sum(axis=(0, 1))
-    assert (dark, bright) == pytest.approx((0.05 / SECONDS, 0.0), abs=0.1)
-
-
 def test_columns_that_fire_hold_the_events_against_the_light() -> None:
     """Noise lies in all columns alike."""
 

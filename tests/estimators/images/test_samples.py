@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.events.footprint import footprints
 from fedora_qa.estimators.images.event_colours import edge_aware_colours
 from fedora_qa.estimators.images.luma import cut_off, luma_of, luma_of_linear
 from fedora_qa.estimators.images.order import is_constant, reduced, reduced_flow
 from fedora_qa.estimators.images.samples import RETURN_PX, along_the_flow, noise_variances, steepness, tracked_motion_px
 from fedora_qa.estimators.images.values import count_not_finite, count_outside, positive_extremes
-from tests.estimators.event_world import Checkers, Waves
+from tests.estimators.event_world import Checkers, Waves, footprints, weighted_means
 
 Float32 = NDArray[np.float32]
 RNG = np.random.default_rng(5)
@@ -120,7 +119,7 @@ def test_colours_of_single_footprints() -> None:
     prints = footprints(K_frame, (90, 120), K_event, (40, 52))
     rgb, linear = RNG.integers(0, 256, (90, 120, 3)).astype(np.uint8), np.linspace(0, 255, 256) ** 2 / 255
     pixels = RNG.integers(0, 40 * 52, 200)
-    whole = [np.maximum(prints.edge_aware_average(linear[rgb[..., i]]), 0).ravel()[pixels] for i in range(3)]
+    whole = [np.maximum(weighted_means(prints, "edge_aware", linear[rgb[..., i]]), 0).ravel()[pixels] for i in range(3)]
     np.testing.assert_allclose(edge_aware_colours(prints, rgb, linear, pixels), np.stack(whole, axis=1), atol=1e-9)
 
 
