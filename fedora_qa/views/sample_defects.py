@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import displaced_part, rounding_grid_ns, slewed_part
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
+from fedora_qa.estimators.fitting.robust import robust_sigma
 from fedora_qa.estimators.imu.curvature import (
     CurvatureEvenness,
     find_interpolation,
@@ -505,7 +505,7 @@ def component_noise(poses: PoseSamples, step: float, rotation_rad: float, declar
         Measured and declared noise of the orientation about each axis, rad.
     """
     lengths = np.linalg.norm(poses.orientations_xyzw, axis=1)
-    sigma = MAD_TO_SIGMA * float(np.median(np.abs(lengths - np.median(lengths)))) if len(lengths) else 0.0
+    sigma = float(robust_sigma(lengths)) if len(lengths) else 0.0
     # Independent noises add in squares: what exceeds the declaration is left to the components.
     excess_rad = max(rotation_rad**2 - declared_rad**2, 0.0) ** 0.5
     if sigma > max(_LEAST_LENGTH_NOISE, step) and abs(excess_rad / (2.0 * sigma) - 1.0) < _SAME_NOISE:

@@ -10,7 +10,7 @@ import numpy as np
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth
 from fedora_qa.estimators.depth.warp import DepthLattice, ModelNumber
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
+from fedora_qa.estimators.fitting.robust import robust_sigma
 from fedora_qa.features import Feature
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -237,7 +237,7 @@ def pool(fits: Sequence[PairParameter], *, known_noise: bool) -> PooledParameter
     sigmas = np.hypot(errors, bounds)
     median = float(np.median(values))
     # Few pairs may agree by chance: the scale is not below a pair's own error.
-    scale = np.maximum(sigmas, MAD_TO_SIGMA * float(np.median(np.abs(values - median))))
+    scale = np.maximum(sigmas, robust_sigma(values, median))
     # Inverse variances times Cauchy's weights 1 / (1 + u^2).
     weights = 1.0 / (sigmas**2 * (1.0 + ((values - median) / (_FAR * scale)) ** 2))
     weights /= weights.sum()

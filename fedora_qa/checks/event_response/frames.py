@@ -11,7 +11,7 @@ from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_US, US_PER_S
 from fedora_qa.estimators.events.change_courses import longest_unrelated
 from fedora_qa.estimators.events.orientation import BLOCK_PX
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, sensitivity_range
+from fedora_qa.estimators.fitting.robust import robust_sigma, sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -144,7 +144,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
         if middle < LEAST_GAIN:
             reason = f"the median change of frames is only {middle:.2g} of that by events (event_response.orientation)"
             return Observation(coverage, unobservable=reason)
-        spread = MAD_TO_SIGMA * float(np.median(np.abs(gains - middle)))
+        spread = float(robust_sigma(gains, middle))
         errors = np.hypot(spread, noise[clear])
         # The most significant deviation beyond the bound, not the largest: quiet intervals scatter most.
         worst = int(np.argmax((np.abs(gains - middle) - CHANGE_BOUND * middle) / errors))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, sensitivity_range
+from fedora_qa.estimators.fitting.robust import robust_sigma, sensitivity_range
 from fedora_qa.estimators.images.gain import CODES, brightness_gain, gain_after_rounding, is_informative
 from fedora_qa.estimators.images.values import count_codes, is_of_one_code
 from fedora_qa.features import Feature
@@ -217,7 +217,7 @@ class ImagesExposure(WindowCheck[WindowExposure]):
             ]
         if len(gains) >= FEWEST_PAIRS:
             jumps = departures(np.array([gain.log_gain for gain in gains]))
-            scatter = MAD_TO_SIGMA * float(np.median(np.abs(jumps)))
+            scatter = float(robust_sigma(jumps, 0.0))
             errors = np.hypot(scatter, [gain.standard_error for gain in gains])
             model_error_bound = MISREGISTRATION_PERCENT / 100
             # The most significant jump beyond misregistration, not the largest.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, sensitivity_range
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, robust_sigma, sensitivity_range
 from fedora_qa.estimators.images.order import FlowRatio, flow_ratio, flow_ratios_of_parts, is_constant
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -235,7 +235,7 @@ class ImagesOrder(WindowCheck[tuple[FramePairRatio, ...]]):
         if usual < LEAST_RATIO:
             reason = f"the median displacement of frames is {usual:.2g} of the flow (see flow_photometric.residual)"
             return Observation(coverage, unobservable=reason)
-        scatter = MAD_TO_SIGMA * float(np.median(np.abs(ratios - usual)))
+        scatter = float(robust_sigma(ratios, usual))
         errors = np.hypot(scatter, [pair.standard_error for pair in clear])
         worst = int(np.argmax((np.abs(ratios - usual) - ALLOWED * usual) / errors))
         farthest, error = clear[worst], float(errors[worst])

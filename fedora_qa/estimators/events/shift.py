@@ -38,10 +38,9 @@ from fedora_qa.estimators.events.shift_kernels import (
     correlate,
     correlate_with_itself,
 )
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, jackknife_errors
+from fedora_qa.estimators.fitting.robust import jackknife_errors, robust_sigma
 
 Bool = NDArray[np.bool_]
-Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 RADIUS_PX: Final = RADIUS
@@ -571,7 +570,7 @@ def most_shifted(parts: PartShifts) -> PartShift | None:
     scores = deviations[is_finite] / errors[is_finite]
     if len(scores) >= _FREEDOM + 2:
         # If the scatter of the parts exceeds their errors, the errors are widened to the scatter.
-        errors = errors * max(1.0, MAD_TO_SIGMA * float(np.median(np.abs(scores))))
+        errors = errors * max(1.0, float(robust_sigma(scores.ravel(), 0.0)))
     scores = np.where(is_finite[:, np.newaxis], np.abs(deviations) / errors, -1.0)
     part, axis = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
     shift_px = float(deviations[part, axis])

@@ -21,7 +21,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA, jackknife_errors
+from fedora_qa.estimators.fitting.robust import jackknife_errors, robust_sigma
 
 Float64 = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def scale_and_roll(centres_px: Float64, shifts_px: Float64, errors_px: Float64, 
         solutions.append(_least_squares(weighted[kept], targets[kept]))
     fitted, *left_out = solutions
     # Tiles that scatter by more than their errors have larger ones.
-    scatter = max(1.0, MAD_TO_SIGMA * float(np.median(np.abs(targets - weighted @ fitted))))
+    scatter = max(1.0, float(robust_sigma((targets - weighted @ fitted).ravel(), 0.0)))
     rows = weighted.reshape(-1, 4)
     covariance = np.linalg.inv(rows.T @ rows)
     formal = scatter * np.sqrt(np.diag(covariance))

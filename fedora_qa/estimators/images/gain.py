@@ -31,7 +31,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
+from fedora_qa.estimators.fitting.robust import robust_sigma
 from fedora_qa.estimators.images.luma import WHITE_DN
 
 Bools = NDArray[np.bool_]
@@ -138,7 +138,7 @@ def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floati
     sums = before_sums[usable], after_sums[usable]
     log_gains = np.log(sums[1] / sums[0])
     median = float(np.median(log_gains))
-    scatter = MAD_TO_SIGMA * float(np.median(np.abs(log_gains - median)))
+    scatter = float(robust_sigma(log_gains, median))
     # Where nothing moves, rounding remains: uniform over a step in either frame, of variance 1/12 DN^2 for each pixel.
     rounding = float(np.sqrt(np.mean(pixels[usable] * (1 / 12) * (1 / sums[0] ** 2 + 1 / sums[1] ** 2))))
     error = _MEDIAN_EFFICIENCY * max(scatter, rounding) / float(np.sqrt(len(log_gains)))
