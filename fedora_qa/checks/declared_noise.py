@@ -49,8 +49,6 @@ def noise_against_declared(
         Standard deviation that the file declares, in ``unit``; 0 where it declares none.
     floor
         Scatter of exact samples by rounded timestamps and stored digits, in ``unit``.
-    check
-        Name of the check.
     stream
         Stream of the samples.
     features
@@ -101,8 +99,6 @@ def undeclared_noise(
 
     Parameters
     ----------
-    check
-        Name of the check.
     stream
         Stream of the samples.
     levels

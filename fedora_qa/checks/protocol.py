@@ -168,8 +168,6 @@ class Check(ABC, Generic[State]):
         ----------
         state
             Changed in place.
-        window
-            Decoded by the plan.
         """
 
     @abstractmethod
@@ -185,15 +183,7 @@ class Check(ABC, Generic[State]):
         """
 
     def follow_up_windows(self, state: State, facts: Facts) -> tuple[int, ...]:
-        """Return the numbers of the windows that the follow-up measures again; none for most checks.
-
-        Parameters
-        ----------
-        state
-            Of all decoded windows.
-        facts
-            Of the file.
-        """
+        """Return the numbers of the windows that the follow-up measures again; none for most checks."""
         return ()
 
     def follow_up(self, state: State, window: Window) -> None:
@@ -209,15 +199,7 @@ class Check(ABC, Generic[State]):
 
     @abstractmethod
     def conclude(self, state: State, facts: Facts) -> Observation:
-        """Return the results of the check.
-
-        Parameters
-        ----------
-        state
-            Of all decoded windows.
-        facts
-            Of the file.
-        """
+        """Return the results of the check."""
 
 
 class WindowCheck(Check[list[Summary]], Generic[Summary]):
@@ -252,8 +234,6 @@ class WindowCheck(Check[list[Summary]], Generic[Summary]):
         ----------
         state
             Summaries, in the order of time.
-        facts
-            Of the file.
         """
 
 
@@ -280,7 +260,5 @@ class FactsCheck(Check[None]):
         ----------
         state
             None.
-        facts
-            Of the file.
         """
         return self.examine(facts)

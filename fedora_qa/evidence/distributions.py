@@ -66,8 +66,6 @@ class DistributionsCollector:
         ----------
         state
             Changed in place.
-        window
-            Decoded by the plan.
         """
         counts = window_values(window, self._families)
         if in_families("events", self._families):

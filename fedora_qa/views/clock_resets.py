@@ -176,15 +176,7 @@ def clock_reset(events: EventScan | None) -> ClockReset | None:
 
 
 def _are_exchanged(back: EventStep, forwards: list[EventStep]) -> bool:
-    """Whether two long steps forwards lie around a step back, and are together as long as it.
-
-    Parameters
-    ----------
-    back
-        The step back.
-    forwards
-        Steps forwards, the longest first.
-    """
+    """Whether two steps forwards (the longest first) lie around a step back, and are together as long as it."""
     if len(forwards) <= _STEPS_OF_BLOCKS:
         return False
     first, second = sorted(forwards[:_STEPS_OF_BLOCKS], key=lambda step: step.row)

@@ -106,8 +106,6 @@ def chosen_rows(window: Window, is_usable: Callable[[int], bool] = lambda _: Tru
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     is_usable
         Whether a row of the depth stream may be used, whatever the window.
     """

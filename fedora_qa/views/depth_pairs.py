@@ -359,8 +359,6 @@ def static_depth_of_frame_m(window: Window, frame: int) -> NDArray[np.float32]:
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     frame
         Row of the depth stream.
 

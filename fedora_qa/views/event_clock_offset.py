@@ -346,8 +346,6 @@ def search_window(window: Window, start_s: float | None, searched: Sequence[Offs
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     start_s
         Offset by one fit of all windows, s; None where the fit gave none.
     searched

@@ -138,20 +138,10 @@ def _sums(
     responses: tuple[Float32, Float32], at: tuple[Float64, Float64], velocities: Float64, half_s: float,
     counts: Float64, parts: NDArray[np.int64],
 ) -> DelaySums:  # fmt: skip
-    """Return the normal equations of n pixels.
+    """Return the normal equations of n pixels, by response (an image (H, W) in the view of depth).
 
-    Parameters
-    ----------
-    responses
-        Images (H, W) in the view of depth, by response.
-    at, velocities
-        Columns and rows (n,) in the view, px, and their velocities (2, n), px/s.
-    half_s
-        Half of the interval.
-    counts
-        (delays, n) positive less negative events.
-    parts
-        (n,) part of the image of each pixel.
+    Pixels have columns and rows ``at`` (n,), px, in that view, velocities (2, n), px/s, counts (delays, n) of positive
+    less negative events, and parts (n,) of the image. ``half_s`` is half of the interval.
     """
     members = [np.flatnonzero(parts == part) for part in range(TILES**2)]
     products = np.zeros((2, len(THRESHOLDS), TILES**2, COLUMNS, COLUMNS))

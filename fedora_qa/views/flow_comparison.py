@@ -138,8 +138,6 @@ def compare_field(
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     track
         Poses, with the depth camera.
     interval
@@ -423,8 +421,6 @@ def shift_of_field(
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     track
         Poses, with the depth camera.
     interval

@@ -111,8 +111,6 @@ def try_inverse_transforms(
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     track
         Poses, with the depth camera.
     interval

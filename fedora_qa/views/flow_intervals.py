@@ -71,8 +71,6 @@ def owned_intervals(window: Window, stream: str) -> Iterator[Interval]:
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     stream
         ``flow/<rate>hz``.
 
@@ -353,8 +351,6 @@ def pose_track(window: Window, camera: Camera) -> PoseTrack:
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     camera
         Mounted on the body.
 

@@ -117,11 +117,6 @@ def _optics_of_frames(window: Window) -> Optics | str:
 def seen_part(window: Window) -> Box:
     """Return the rectangle of the flow's grid that the colour camera sees.
 
-    Parameters
-    ----------
-    window
-        A window of the sequence.
-
     Returns
     -------
     tuple of int
@@ -195,8 +190,6 @@ def luma_on_flow_grid(window: Window, frame: int) -> Float32:
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     frame
         Row of the colour frame.
 
@@ -237,8 +230,6 @@ def same_points(window: Window, pair: FrameTransition) -> tuple[Float32, Float32
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     pair
         Two colour frames, with the flow between them where the file has any.
 

@@ -327,8 +327,6 @@ def excused_pixels(window: Window, declared: EventModel) -> Bool:
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     declared
         With the refractory period and the hot pixels of the sensor.
 

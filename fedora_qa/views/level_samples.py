@@ -324,8 +324,6 @@ def usable_pixels(window: Window, frames: ResampledFrames, declared: EventModel)
 
     Parameters
     ----------
-    window
-        The window of the frames.
     frames
         Luma in linear DN at the pixels of the event camera.
     declared

@@ -55,8 +55,6 @@ def has_static_depth(window: Window, frame: int) -> bool:
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     frame
         Row of the depth stream.
     """
@@ -103,8 +101,6 @@ def sample_field(window: Window, interval: Interval, frame: int, region: Region 
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     interval
         Of the field.
     frame
@@ -207,8 +203,6 @@ def lattice_of(window: Window, interval: Interval, frame: int) -> FlowLattice | 
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     interval
         Of the field.
     frame

@@ -248,8 +248,6 @@ def mean_statistics(
         Measured fields of the rate, in the order of time.
     rate
         Fit of all fields; None where too few tiles match.
-    facts
-        Of the file.
     features
         Of the residual flow of the rate.
 
@@ -308,8 +306,6 @@ def worst_statistics(
         ``flow/<rate>hz``.
     fields
         Measured fields of the rate, in the order of time.
-    facts
-        Of the file.
     features
         Of the residual flow of the rate.
     """

@@ -287,8 +287,6 @@ def try_transforms(window: Window, optics: Optics, interval: Interval) -> list[C
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     optics
         Mapping of the flow's grid to colour frames.
     interval

@@ -292,8 +292,6 @@ def try_inverse_transforms(window: Window, segment: Segment) -> list[ConventionT
 
     Parameters
     ----------
-    window
-        A window of the sequence.
     segment
         A deviating common interval of two rates.
 

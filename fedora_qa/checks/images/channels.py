@@ -76,17 +76,7 @@ class ImagesChannels(ColourCheck):
     name = "images.channels"
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
-        """Return the position of the fitted weights between the declared order and each wrong one.
-
-        Parameters
-        ----------
-        response
-            Fit of the file.
-        declared
-            The event sensor.
-        facts
-            Of the file.
-        """
+        """Return the position of the fitted weights between the declared order and each wrong one."""
         fit, nearest = response.fit, nearest_order(response.fit)
         weights = ", ".join(f"{weight.value:.2f}" for weight in fit.weights)
         estimates = [(order, towards(fit, order)) for order in WRONG_ORDERS]

@@ -216,15 +216,5 @@ class ColourCheck(WindowCheck[ColourSums]):
         return ""
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
-        """Return the measurements of the fit.
-
-        Parameters
-        ----------
-        response
-            Fit of the file.
-        declared
-            The event sensor.
-        facts
-            Of the file.
-        """
+        """Return the measurements of the fit."""
         raise NotImplementedError

@@ -308,8 +308,6 @@ def moved_by_events(facts: Facts, repeats: set[int]) -> NDArray[np.bool_]:
 
     Parameters
     ----------
-    facts
-        Of the file.
     repeats
         Rows of the colour stream that repeat an earlier frame.
 

@@ -80,17 +80,7 @@ class ImagesTransfer(ColourCheck):
     name = "images.transfer"
 
     def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
-        """Return the exponent with which the frames' values agree with the level of the events.
-
-        Parameters
-        ----------
-        response
-            Fit of the file.
-        declared
-            The event sensor.
-        facts
-            Of the file.
-        """
+        """Return the exponent with which the frames' values agree with the level of the events."""
         by_level = declared.model == "linear"
         # The linear model gives the exponent by the level of each step; in the log model it scales all steps alike.
         exponent = response.fit.exponent if by_level else response.fit.scale

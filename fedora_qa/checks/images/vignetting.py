@@ -209,24 +209,7 @@ def slowest_between_frames(facts: Facts) -> str | None:
 
 
 def _cell_ratios(frames: FramePair, interval: Interval, camera: Camera, tile_share: float) -> CellRatios | None:
-    """Return the brightness of the same surfaces at both ends of a field of flow.
-
-    Parameters
-    ----------
-    frames
-        Frames at both ends of the interval.
-    interval
-        Of the field.
-    camera
-        Of the frames.
-    tile_share
-        Least share of the tiles that is compared, 0 to 1; ``TILES`` at least.
-
-    Returns
-    -------
-    CellRatios or None
-        None where the image has no tile, or no tile is visible in both frames.
-    """
+    """Return the brightness of the same surfaces at both ends of a field, of at least a share of its tiles (0 to 1)."""
     height, width = frames.window.flow_px(interval.stream, interval.row).shape[:2]
     count = len(TileGrid.of(height, width).origins)
     tiles = sample_tiles(frames, interval, min(1.0, max(tile_share, TILES / max(count, 1))))

@@ -174,8 +174,6 @@ def agreement_observation(
     ----------
     state
         Samples of all windows, in the order of time.
-    facts
-        Of the file.
     kind
         ``rotation`` or ``translation``.
     texts
@@ -380,8 +378,6 @@ def parameter_statistics(
     ----------
     kind
         Kind of the comparison.
-    check
-        Name of the check.
     fitted
         Parameters by name.
     texts
@@ -454,14 +450,10 @@ def local_statistics(
 
     Parameters
     ----------
-    facts
-        Of the file.
     streams
         Both streams.
     kind
         Kind of the comparison.
-    check
-        Name of the check.
     fit
         Fit of this kind.
     group

@@ -170,8 +170,6 @@ def map_observation(
 
     Parameters
     ----------
-    facts
-        Of the file.
     index_map
         As stored, with its correct entries.
     times_ns

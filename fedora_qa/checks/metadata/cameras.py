@@ -395,17 +395,7 @@ class _RectificationError:
 def _rectification_error(
     map_px: NDArray[np.float32], events: Camera, view: Camera, other_view: Camera | None
 ) -> _RectificationError:
-    """Compare a map with the positions that follow from the cameras.
-
-    Parameters
-    ----------
-    map_px
-        (H, W, 2) x and y, px, in the view, of each pixel of the event camera.
-    events, view
-        The event camera, and the camera whose view the map leads to.
-    other_view
-        Another camera, whose view it may lead to by mistake.
-    """
+    """Compare a map (H, W, 2), px, from pixels of the event camera to a view, with the declared cameras."""
     height, width = map_px.shape[:2]
     columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
     expected_px = _positions_px(events, events.lens, view, columns, rows)

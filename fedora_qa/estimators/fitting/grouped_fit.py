@@ -325,14 +325,8 @@ class GroupedFit:
     def _select(self) -> tuple[tuple[str, ...], dict[str, dict[str, float]]]:
         """Free groups, the one that explains most first, while its gain is far beyond chance.
 
-        Gains are divided by the squared misfit of the full fit, so that noise above its declaration frees no group.
-
-        Returns
-        -------
-        tuple[str, ...]
-            The freed groups.
-        dict[str, dict[str, float]]
-            The shares ``ParameterEstimate.explained``, by group and rival.
+        Gains are divided by the squared misfit of the full fit, so that noise above its declaration frees no group. The
+        result is the freed groups, and the shares ``ParameterEstimate.explained`` by group and rival.
         """
         unit = max(1.0, self.misfit**2)
         free: tuple[str, ...] = ()

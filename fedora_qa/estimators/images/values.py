@@ -307,8 +307,6 @@ def tally_samples(key: str, start: int, samples: NDArray[np.float64]) -> Dataset
 
     Parameters
     ----------
-    key
-        Name of the dataset.
     start
         Row of the first sample in the dataset.
     samples
@@ -329,8 +327,6 @@ def tally_flow(key: str, row: int, flow_px: NDArray[np.float32], longest_px: flo
 
     Parameters
     ----------
-    key
-        Name of the dataset.
     row
         Of the field in the dataset.
     flow_px
@@ -369,8 +365,6 @@ def tally_depth(key: str, row: int, depth_mm: NDArray[Any], range_m: tuple[float
 
     Parameters
     ----------
-    key
-        Name of the dataset.
     row
         Of the frame in the dataset.
     depth_mm

@@ -116,8 +116,6 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonR
     ----------
     samples
         Samples of both streams.
-    noise
-        As declared.
 
     Returns
     -------

@@ -111,10 +111,6 @@ def fit_inertial(
 
     Parameters
     ----------
-    samples
-        Of the sequence.
-    noise
-        As declared.
     comparison
         ``ROTATION`` or ``TRANSLATION``.
     bias_walk
@@ -228,8 +224,6 @@ def with_scatter(
         The rows of the samples.
     samples
         Samples of both streams.
-    noise
-        As declared.
     effects_of
         Makes residuals and jacobians of samples.
 
