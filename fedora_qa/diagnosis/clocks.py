@@ -39,6 +39,9 @@ _MOSTLY_ZERO: Final = 0.9
 """Least ratio of wrong entries for a map of zeros that was not only cut short."""
 
 
+_SAMPLED_ALONE: Final = frozenset({"imu", "pose", "rgb", "depth"})
+"""Streams whose samples have timestamps of their own, and hold what other streams hold at these times."""
+
 _FEWEST_OTHERS: Final = 2
 """Streams that show when a regular clock began: of two, none is the clock itself."""
 
@@ -261,6 +264,7 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         ratio = 1 - feature.missing_ns / duration_ns
         is_longer = feature.missing_ns < 0
         stretched = _of_stretched_clock(stream, feature, facts) if is_longer else None
+        may_be_fast = not is_longer and feature.median_duration_ns > 0
         for factor, row in ((unit_factor(ratio), "span_in_other_unit"), (tick_factor(ratio), "span_in_ticks")):
             if factor != 1.0 and (stretched is None or _is_stretched_by(factor, feature)):
                 hypotheses.append(Hypothesis("time_unit", stream, support(f"clocks.{row}"), factor, "1"))
@@ -274,8 +278,8 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         hypotheses.append(Hypothesis("truncated", stream, support("clocks.cut_span"), cut_percent, "percent"))
         if factors:
             hypotheses.append(Hypothesis("time_unit", stream, support("clocks.span_by_factor"), factors[0], "1"))
-        elif not is_longer and stretched is None and stream in ("imu", "pose") and facts.clocks[stream].usable:
-            # Samples that were lost and numbered anew as well: what they hold decides.
+        elif stream in _SAMPLED_ALONE and facts.clocks[stream].usable and may_be_fast and not is_of_unit:
+            # Samples that were counted by another clock, or lost and numbered anew: what they hold decides.
             rate_ppm = -1e6 * feature.missing_ns / duration_ns
             hypotheses.append(Hypothesis("clock_rate", stream, support("clocks.span_by_rate"), rate_ppm, "ppm"))
     if any(isinstance(feature, CutOfSeveralRates) for feature in statistic.features):
