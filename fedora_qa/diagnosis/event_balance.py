@@ -6,7 +6,8 @@ scatter of an ideal pixel. So the scatter decides, and its error states whether 
 derives both.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from math import expm1, log, sqrt
 from typing import Final
 
@@ -14,6 +15,7 @@ from fedora_qa.checks.event_response.conservation import LoneEventRate, Violatio
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.estimators.events.balance_estimates import GainEstimate
 from fedora_qa.features import Feature
+from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.views.event_balance import BalanceCourse, EventBalance, EventsAgainstChange
 
@@ -46,6 +48,31 @@ value is not derived."""
 _LEAST_HZ: Final = 0.1
 """Rate of events against the light of correct files, by changes that turn within an interval. Not derived: of three
 scenes without noise the largest was 0.01 Hz."""
+
+_OF_FRAMES_ALONE: Final = ("images.order.", "images.repeats.", "images.exposure.jump", "images.exposure.blank")
+"""Beginnings of the codes of findings that no fault of the events causes: frames of another time, or of another light,
+change by what they do not show at their times."""
+
+
+def without_balance_of_wrong_frames(alarms: Sequence[Alarm]) -> tuple[Alarm, ...]:
+    """Return the alarms of a file, without the balance of the events where the frames are wrong by themselves.
+
+    The balance takes the changes of the frames for those of the light. Of wrong frames it states nothing of the events.
+
+    Parameters
+    ----------
+    alarms
+        Of one file.
+    """
+    if not any(alarm.finding.code.startswith(_OF_FRAMES_ALONE) for alarm in alarms):
+        return tuple(alarms)
+    return tuple(
+        replace(alarm, statistic=replace(alarm.statistic, features=tuple(
+            feature for feature in alarm.statistic.features
+            if not isinstance(feature, EventBalance | BalanceCourse | EventsAgainstChange)
+        )))
+        for alarm in alarms
+    )  # fmt: skip
 
 
 def hypotheses_of_balance(features: Iterable[Feature], declared: EventModel | None) -> tuple[Hypothesis, ...]:
@@ -148,6 +175,23 @@ def _of_what_differs(varies: BalanceCourse | None, balance: EventBalance) -> tup
 def _declared_hz(declared: EventModel) -> float:
     """Return the rate of declared noise against the light: as many spurious events come with a change as against it."""
     return (declared.shot_rate_hz + declared.leak_rate_hz) / 2
+
+
+def has_spurious_events(features: Iterable[Feature], declared: EventModel | None) -> bool:
+    """Whether more events come against a light that keeps its sign than those of the declared noise.
+
+    Lost events, of whatever region, leave none.
+
+    Parameters
+    ----------
+    features
+        Of an alarm of ``event_response.conservation``.
+    declared
+        The declared event sensor.
+    """
+    return declared is not None and any(
+        isinstance(feature, EventsAgainstChange) and _is_spurious(feature, declared) for feature in features
+    )
 
 
 def _is_spurious(against: EventsAgainstChange, declared: EventModel) -> bool:

@@ -15,7 +15,7 @@ from fedora_qa.checks.event_response.conservation import (
     Violations,
 )
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.diagnosis.event_balance import hypotheses_of_balance
+from fedora_qa.diagnosis.event_balance import has_spurious_events, hypotheses_of_balance
 from fedora_qa.diagnosis.event_response import whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
@@ -136,6 +136,8 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         dead = _support("silent_tiles")
     elif (
         not no_events
+        # What lies together may be in excess as well, which events against the light state.
+        and not has_spurious_events(features, facts.declared.events)
         and cluster.fraction_of_image < _FEW
         and (cluster.fraction_in_densest_square > _ONE_REGION or _lies_in_one_place(cluster))
     ):

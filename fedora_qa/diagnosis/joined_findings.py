@@ -5,7 +5,7 @@ from typing import Final
 
 from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
 from fedora_qa.checks.images.exposure import BrightnessJump
-from fedora_qa.diagnosis.event_balance import is_reversed_for_a_while
+from fedora_qa.diagnosis.event_balance import is_reversed_for_a_while, without_balance_of_wrong_frames
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.judgement.judge import Alarm
@@ -32,7 +32,7 @@ def joined_hypotheses(alarms: Sequence[Alarm]) -> Mapping[str, tuple[Hypothesis,
     alarms
         Of one file.
     """
-    features = [feature for alarm in alarms for feature in alarm.statistic.features]
+    features = [feature for alarm in without_balance_of_wrong_frames(alarms) for feature in alarm.statistic.features]
     joined: dict[str, tuple[Hypothesis, ...]] = {}
     if any(isinstance(each, BrightnessJump) and each.percent < _NEARLY_BLACK_PERCENT for each in features):
         black = Hypothesis("exposure_or_gamma", "rgb", support("images.order_of_black_frames"))

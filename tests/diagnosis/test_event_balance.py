@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 
 from fedora_qa.checks.event_response.conservation import ViolationCluster, Violations
-from fedora_qa.diagnosis.event_balance import hypotheses_of_balance, is_reversed_for_a_while
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.event_balance import (
+    hypotheses_of_balance,
+    is_reversed_for_a_while,
+    without_balance_of_wrong_frames,
+)
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.estimators.events.balance_estimates import GainEstimate
 from fedora_qa.features import Feature
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.views.event_balance import BalanceCourse, EventBalance, EventsAgainstChange
 from tests.checks.event_file import SMOOTH_WORLD, log_file
@@ -136,3 +143,25 @@ def test_the_check_measures_the_scatter_of_what_is_left(tmp_path: Path) -> None:
     path = clean.altered(events=thinned(clean.events)).write(tmp_path / "thinned.h5")
     first = check_file(path, CheckOptions(evidence=None, select=("event_response.conservation",))).record.diagnoses[0]
     assert (first.stream, first.cause) == ("events", "dropped_samples")
+
+
+@pytest.mark.parametrize(
+    ("code", "is_left"),
+    [
+        ("images.order.share", False),
+        ("images.repeats.identical", False),
+        ("images.exposure.jump", False),
+        # A gain after rounding changes no logarithm; flow may be wrong itself.
+        ("images.exposure.codes", True),
+        ("flow_photometric.residual.field", True),
+    ],
+)
+def test_the_balance_against_wrong_frames_states_nothing_of_the_events(code: str, *, is_left: bool) -> None:
+    features = (CLUSTER, balance(0.6), course("part", -0.5), EventsAgainstChange(200, 1.0, 1.0, 1.0, 0.0, 0.0))
+    alarms = [
+        Alarm(Finding(finding, of, "error", "off", Where()), Statistic("value", 1.0, "1", 0.0, "off", of, Where(),
+                                                                       features=features))
+        for finding, of in (("F1", "event_response.conservation.pixels"), ("F2", code))
+    ]  # fmt: skip
+    for alarm in without_balance_of_wrong_frames(alarms):
+        assert alarm.statistic.features == (features if is_left else (CLUSTER,))

@@ -18,6 +18,7 @@ from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.record.types import Diagnosis
+from fedora_qa.views.event_balance import EventsAgainstChange
 from tests.checks.event_file import SHAPE, SMOOTH_WORLD, EventFile, log_file
 from tests.estimators.event_world import MS, Stream
 from tests.support.proposals import proposed
@@ -228,3 +229,14 @@ def test_violations_where_few_events_are_lie_in_a_dead_region(changes_in_box: fl
     hypotheses = proposed("event_response.conservation.region", *features, stream="events")
     best = max(hypotheses, key=lambda hypothesis: hypothesis.support)
     assert best.cause == ("dead_region" if is_dead else "dropped_samples")
+
+
+@pytest.mark.parametrize(("against", "is_dead"), [(0, True), (200, False)])
+def test_a_region_with_events_against_the_light_is_not_dead(against: int, *, is_dead: bool) -> None:
+    """Lost events leave none against the light; events in excess, of a noisy region, come against it as often."""
+    cluster = ViolationCluster(10.0, 0.01, 0.65, 0.0, 0.7)
+    spurious = EventsAgainstChange(against, against / 200, 0.0, 0.0, 0.0, 0.0)
+    features = Violations(100, 0.01), cluster, LoneEventRate(0.0, 0.0, 1.0), spurious
+    hypotheses = proposed("event_response.conservation.region", *features, stream="events")
+    best = max(hypotheses, key=lambda hypothesis: hypothesis.support)
+    assert (best.cause == "dead_region") is is_dead

@@ -19,6 +19,7 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.diagnosis.clock_grids import ClockPlace, places_of_clocks
 from fedora_qa.diagnosis.conclusion import Trials, UndoTrial
 from fedora_qa.diagnosis.diagnose import choose_causes, key_of, rank_candidates
+from fedora_qa.diagnosis.event_balance import without_balance_of_wrong_frames
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.engine.progress import Progress
@@ -73,7 +74,8 @@ class _Round:
     def untried(bench: TrialBench) -> "_Round":
         """Return the round of a run with the causes that are proposed, of which none was tried."""
         facts = bench.run.ready.facts
-        hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in bench.alarms}
+        alarms = without_balance_of_wrong_frames(bench.alarms)
+        hypotheses = {alarm.finding.id: hypotheses_of(alarm, facts) for alarm in alarms}
         return _Round(bench, hypotheses, places_of_clocks(facts), {})
 
     def tried(self, progress: Progress) -> "_Round":
