@@ -27,7 +27,7 @@ from fedora_qa.views.inertial_agreement import (
     MotionKind,
     OffsetsApart,
 )
-from fedora_qa.views.sample_defects import ClippedSamples, HeldComponent, NoiseOfPart, NoWeight
+from fedora_qa.views.sample_defects import OTHER_WEIGHT, ClippedSamples, HeldComponent, NoiseOfPart, NoWeight
 
 Int64 = NDArray[np.int64]
 
@@ -233,7 +233,13 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
     rule = alarm.finding.code.rpartition(".")[2]
     if rule == "disagreement":
         return conventions
-    if any(isinstance(feature, ClippedSamples | NoWeight) for feature in features):
+    declared_m_s2 = (facts.declared.imu or ImuModel()).gravity
+    is_of_no_flight = any(
+        isinstance(feature, ClippedSamples)
+        or (isinstance(feature, NoWeight) and not weighs_as_on_earth(feature, declared_m_s2))
+        for feature in features
+    )
+    if is_of_no_flight:
         # Samples below a limit are right, so that no bias or gain is theirs, nor that of a part. Another flight has its
         # weight: what has none is in another unit, of which no parameter of the fit is one.
         unknown = Hypothesis("unknown", "imu", support("imu.samples_of_no_flight"))
@@ -281,6 +287,19 @@ def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothe
         *_changing_bias(kind, smooth),
         *defects,
     )
+
+
+def weighs_as_on_earth(weight: NoWeight, declared_m_s2: float) -> bool:
+    """Whether samples that do not have the declared weight have that of a body on Earth: the declaration is wrong.
+
+    Parameters
+    ----------
+    weight
+        As measured, in units of the declared gravity.
+    declared_m_s2
+        Declared gravity, m/s^2.
+    """
+    return 1 / OTHER_WEIGHT < weight.ratio * declared_m_s2 / STANDARD_GRAVITY_M_S2 < OTHER_WEIGHT
 
 
 def _weight_taken_off(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:

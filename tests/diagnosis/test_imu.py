@@ -112,6 +112,16 @@ def test_a_weight_that_was_taken_off_as_a_constant_is_missing(tmp_path: Path, ta
     assert cause.status == "confirmed" or noise is NOISY
 
 
+@pytest.mark.parametrize("noise", [EXACT, NOISY])
+def test_a_gravity_that_nothing_on_earth_has_is_declared_wrongly(tmp_path: Path, noise: InertialNoise) -> None:
+    """Samples with the weight of a body on Earth are in the right unit, whatever gravity is declared."""
+    declared = replace(noise, gravity_m_s2=1.0)
+    path = MotionFile(sample_motion(noise=noise), declared).write(tmp_path / "motion.h5")
+    cause = check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record.diagnoses[0]
+    assert (cause.cause, cause.stream, cause.status) == ("gravity_magnitude", "metadata", "confirmed")
+    assert cause.magnitude == pytest.approx(1.0 - GRAVITY_M_S2, abs=0.01)
+
+
 def test_a_weight_in_units_of_g_is_not_missing(tmp_path: Path) -> None:
     """It is as steady as any weight."""
     samples = sample_motion(HOVER)
