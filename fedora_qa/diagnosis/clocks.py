@@ -147,7 +147,7 @@ def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         elif isinstance(feature, CounterWrap):
             hypotheses.append(Hypothesis("time_unit", stream, support("clocks.counter_wrap")))
         elif isinstance(feature, ClockSetBack):
-            hypotheses.append(_of_set_back(stream, feature))
+            hypotheses += (*_of_overlap(stream, facts), _of_set_back(stream, feature))
     return *hypotheses, Hypothesis("unsorted", stream, support("clocks.steps_back"), statistic.value, "samples")
 
 
@@ -334,6 +334,23 @@ def _whole_hz_ns(period_ns: float) -> float:
 
 def _of_part(stream: str, part: PartInOtherUnit) -> Hypothesis:
     return Hypothesis("time_unit", stream, support("clocks.part_in_other_unit"), part.factor, "1")
+
+
+def _of_overlap(stream: str, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return samples that were written twice where timestamps step back once, and then recur without an exception.
+
+    A clock that was set back by whole periods has the same timestamps, but not the same values: the trial, which drops
+    samples of equal values alone, decides.
+    """
+    times_ns = facts.clocks[stream].times_ns
+    backward = np.flatnonzero(np.diff(times_ns) < 0)
+    if len(backward) != 1:
+        return ()
+    before_ns, behind_ns = np.split(times_ns, backward + 1)
+    again_ns = behind_ns[behind_ns <= before_ns[-1]]
+    if not np.all(np.isin(again_ns, before_ns)):
+        return ()
+    return (Hypothesis("duplicated_samples", stream, support("clocks.overlap"), float(len(again_ns)), "samples"),)
 
 
 def _of_set_back(stream: str, set_back: ClockSetBack) -> Hypothesis:

@@ -229,6 +229,18 @@ def test_a_clock_that_stretches_span_and_period_alike_has_a_wrong_rate() -> None
     assert named(hypotheses) == [("truncated", "imu"), ("time_unit", "imu")]
 
 
+@pytest.mark.parametrize("recur", [True, False])
+def test_timestamps_that_recur_without_exception_are_of_files_that_overlap(recur: bool) -> None:
+    """A clock that was set back by any other time has none of its timestamps twice."""
+    facts = exact_facts()
+    times_ns = facts.clocks["imu"].times_ns
+    joined_ns = np.r_[times_ns[:60], times_ns[40:] + (0 if recur else 1000)]
+    joined = with_clock(facts, "imu", clock(joined_ns))
+    (first, *_) = proposed("clocks.order.backward_steps", ClockSetBack(-20.0), stream="imu", facts=joined)
+    overlap = Hypothesis("duplicated_samples", "imu", 0.95, 20.0, "samples")
+    assert first == (overlap if recur else Hypothesis("time_offset", "imu", 0.92, -20.0, "ms"))
+
+
 def test_samples_that_take_turns_after_the_clock_was_set_back_are_late() -> None:
     """What content they have contradicts their timestamps; of other streams they say nothing."""
     facts = exact_facts()
