@@ -6,9 +6,9 @@ from math import sqrt
 import numpy as np
 
 from fedora_qa.checks.declared_noise import MeasuredNoise
-from fedora_qa.checks.pose.continuity import PairedSteps, PoseJump, PoseTransform
+from fedora_qa.checks.pose.continuity import PairedSteps, PartBetweenJumps, PoseJump, PoseTransform
 from fedora_qa.checks.pose.orientation import RoundedComponents
-from fedora_qa.conventions import MM_PER_M, NS_PER_MS
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis import length_units
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support
 from fedora_qa.estimators.imu.conventions import Axes
@@ -148,10 +148,14 @@ def propose_continuity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     # Transforms under which there is no jump, and a jump with its return.
     strength = support("pose.transform")
     transforms: list[Hypothesis] = []
+    parts = [feature for feature in statistic.features if isinstance(feature, PartBetweenJumps)]
+    # Out of a part the factor is the reciprocal of that into it.
+    ends = bool(parts) and not any(part.begins for part in parts)
     for feature in statistic.features:
         match feature:
-            case PoseTransform("length_unit"):
-                transforms.append(Hypothesis("unit_mm_m", "pose", strength, MM_PER_M, "1"))
+            case PoseTransform("length_unit", _, factor):
+                if ratio := length_units.ratio_of_units(1 / factor if ends else factor):
+                    transforms.append(Hypothesis("unit_mm_m", "pose", strength, ratio, "1"))
             case PoseTransform("axes", axes):
                 transforms.append(Hypothesis(axes_cause(axes), "pose", strength))
             case PoseTransform("component_order"):

@@ -40,6 +40,7 @@ from fedora_qa.diagnosis.proposed_motion_faults import (
     gyro_bias,
     inertial_conventions,
     inverted_quaternions,
+    length_units_of_parts,
     lever_arm,
     missing_gravity,
     reversed_gravity,
@@ -254,6 +255,8 @@ def _length_unit(fit: FittedCause) -> Faults:
     if fit.stream not in ("depth", "pose"):
         return
     stream: Literal["depth", "pose"] = "depth" if fit.stream == "depth" else "pose"
+    if stream == "pose":
+        yield from length_units_of_parts(fit)
     exact = ratio_of_units(fit.size)
     if exact is None:
         # No unit: a scale, which is one of all lengths. All pairs of frames measure it better than one field of flow.

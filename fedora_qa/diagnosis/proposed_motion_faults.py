@@ -12,6 +12,7 @@ from fedora_qa.checks.pose.continuity import DisplacedPositions, PairedSteps, Pa
 from fedora_qa.conventions import FRD_FROM_FLU, NED_FROM_ENU, NS_PER_US, SAME_AXES
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.imu import HALF_TURN, STEADY
+from fedora_qa.diagnosis.length_units import ratio_of_units
 from fedora_qa.diagnosis.measured_sizes import vector
 from fedora_qa.diagnosis.pose import SAME_FACTOR, axes_cause
 from fedora_qa.estimators.imu.conventions import GravityConvention, InertialConvention, signed_permutations
@@ -94,6 +95,16 @@ def _transforms_of_parts(fit: FittedCause) -> Iterator[tuple[PoseTransform, RowR
         for transform in (feature for feature in features if isinstance(feature, PoseTransform)):
             for part in parts:
                 yield transform, _rows_between(times_ns, part.start_ns, part.stop_ns), part.begins
+
+
+def length_units_of_parts(fit: FittedCause) -> Faults:
+    """Yield ratios of units of length in which positions of a part are to those on the other side of a jump."""
+    for transform, rows, begins in _transforms_of_parts(fit):
+        # Out of the part the factor is the reciprocal of that into it.
+        if transform.kind == "length_unit" and (
+            ratio := ratio_of_units(transform.factor if begins else 1 / transform.factor)
+        ):
+            yield units.LengthUnit("pose", ratio, rows)
 
 
 def _rows_between(times_ns: NDArray[np.int64], start_ns: float, stop_ns: float) -> RowRange:

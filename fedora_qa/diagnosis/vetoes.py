@@ -39,6 +39,8 @@ _TELEPORT: Final = ("teleport", "pose")
 
 _REPEATS: Final = ("frozen_frames", "pose")
 
+_UNIT_OF_POSES: Final = ("unit_mm_m", "pose")
+
 _RAYS: Final = ("depth_ray_not_z", "depth")
 
 _NOISE_OF_POSES: Final = ("noise_misdeclared", "pose")
@@ -202,6 +204,9 @@ def contradicts(
     if cause == "threshold_misdeclared" and _repeats(results.get("event_response.frames")):
         # Beside a frame that repeats, events change what the frames do not: no part has another threshold.
         is_of_part = False
+    if (cause, family) == _UNIT_OF_POSES and _has_finding(results.get("pose.continuity"), "pose.continuity.position"):
+        # The unit of a part jumps at its edges, between which few depths compare: those of the rest have the unit.
+        is_of_part = True
     if (cause, family) in _IN_ORDER and not is_of_part:
         # Poses that move by less than a step of their values repeat.
         is_of_steps = (cause, family) == _REPEATS and _is_coarse(results.get("integrity.resolution"), family)

@@ -91,6 +91,15 @@ def test_a_gross_fault_of_a_part_is_named_and_located(
     assert min(abs(diagnosis.where.start_us / 1e6 - instant_s) for instant_s in (START_S, STOP_S)) < 0.03
 
 
+@pytest.mark.parametrize("factor", [100.0, 1000.0, 0.01, 1 / 0.3048])
+def test_a_unit_of_length_of_a_part_is_undone_there(tmp_path: Path, factor: float) -> None:
+    """Positions go on across a jump once they are multiplied by the ratio of two units, whichever these are."""
+    diagnosis = first_diagnosis(altered_in_part(positions_world_m=lambda p: factor * p), tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == ("unit_mm_m", "pose")
+    assert diagnosis.status in ("confirmed", "supported")
+    assert diagnosis.magnitude == pytest.approx(factor)
+
+
 OF_POSES = ("north-east-down", "inverse", "world axes")
 
 

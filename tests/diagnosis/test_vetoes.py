@@ -66,6 +66,17 @@ def test_depths_that_agree_with_the_path_have_its_unit(stream: str) -> None:
         assert not contradicts("unit_mm_m", stream, 1000.0, {k: v for k, v in results.items() if k != check}, {})
 
 
+def test_positions_that_jump_may_have_another_unit_in_a_part() -> None:
+    """Depth between two parts in other units is not compared, and passes for the rest."""
+    results = {
+        check: Result(check, "passed", "in order") for check in ("depth.scale", "depth.range", "depth.consistency")
+    }
+    code = "pose.continuity.position"
+    jump = Result("pose.continuity", "failed", "off", findings=(Finding("F1", code, "error", "off", Where()),))
+    assert contradicts("unit_mm_m", "pose", 100.0, results, {})
+    assert not contradicts("unit_mm_m", "pose", 100.0, {**results, "pose.continuity": jump}, {})
+
+
 def places_of(facts: Facts) -> dict[str, Place]:
     return {stream: clock.place for stream, clock in places_of_clocks(facts).items()}
 

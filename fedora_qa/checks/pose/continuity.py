@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
-from fedora_qa.conventions import MM_PER_M
 from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.estimators.imu.conventions import signed_permutations
 from fedora_qa.estimators.imu.jumps import StepEstimates, find_steps, most_precise_steps
@@ -161,14 +160,17 @@ class PoseTransform(Feature):
     Attributes
     ----------
     kind
-        ``length_unit`` (metres against millimetres), ``axes`` (exchanged or reversed), ``component_order`` (w first
+        ``length_unit`` (another than before the jump), ``axes`` (exchanged or reversed), ``component_order`` (w first
         against w last), ``inverse`` (of the rotation), ``north_east_down`` (world and body).
     axes
         Rows of the signed permutation, of ``axes`` only.
+    factor
+        Lengths behind the jump over those before it, of ``length_unit`` only.
     """
 
     kind: Literal["length_unit", "axes", "component_order", "inverse", "north_east_down"]
     axes: tuple[tuple[int, ...], ...] = ()
+    factor: float = 1.0
 
 
 class PoseContinuity(WindowCheck[PoseSamples]):
@@ -467,13 +469,16 @@ def position_transforms(poses: PoseSamples, before: int, sigma_m: float) -> tupl
     positions_m = poses.positions_world_m
     # Linear extrapolation of the two positions before the jump.
     expected_m = positions_m[before] + (positions_m[before] - positions_m[before - 1] if before else 0.0)
-    # Into the part with another unit, and out of it.
-    transformed = [(unit * expected_m, PoseTransform("length_unit")) for unit in (MM_PER_M, 1.0 / MM_PER_M)]
+    measured_m = positions_m[before + 1]
+    # Into the part with another unit, or out of it: x = k x_expected, with k by least squares. A jump of the body gives
+    # some k as well, which is the ratio of no two units.
+    squared_m2 = float(expected_m @ expected_m)
+    factor = float(measured_m @ expected_m) / squared_m2 if squared_m2 > 0 else 1.0
+    transformed = [(factor * expected_m, PoseTransform("length_unit", factor=factor))] if factor > 0 else []
     identity = tuple(tuple(int(value) for value in row) for row in np.eye(3))
     transformed += [
         (np.array(axes) @ expected_m, PoseTransform("axes", axes)) for axes in signed_permutations() if axes != identity
     ]
-    measured_m = positions_m[before + 1]
     deviations_m = (
         (float(np.linalg.norm(position_m - measured_m)), transform) for position_m, transform in transformed
     )
