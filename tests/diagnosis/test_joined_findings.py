@@ -4,6 +4,7 @@ import pytest
 
 from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
 from fedora_qa.checks.images.exposure import BrightnessJump
+from fedora_qa.checks.integrity.resolution import CoarseStep
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.joined_findings import joined_hypotheses
 from fedora_qa.estimators.events.balance_estimates import GainEstimate
@@ -82,3 +83,20 @@ def test_frames_change_against_events_of_inverted_polarity(contrast: float, *, i
     assert {finding: named(each) for finding, each in joined.items()} == (
         {"F1": [("polarity_inverted", "events")]} if is_inverted else {}
     )
+
+
+def of_flow(finding: str, code: str, value: float, *features: Feature, unit: str = "px") -> Alarm:
+    where = Where(stream="flow/10hz")
+    statistic = Statistic("value", value, unit, 0.0, "off", code, where, features=features)
+    return Alarm(Finding(finding, code, "error", "off", where), statistic)
+
+
+def test_flow_that_is_off_by_a_step_is_rounded() -> None:
+    """Components that lost what is behind their point err by a step: the vector by 1.41 steps at most."""
+    step = of_flow("F1", "integrity.resolution.step", 20.0, CoarseStep("1 px", 1.0), unit="1")
+    within = of_flow("F2", "flow_geometry.endpoint.error", 1.4)
+    beyond = of_flow("F3", "flow_geometry.endpoint.worst_pixel", 1.5)
+    gain = of_flow("F4", "flow_photometric.residual.template", 1.0, unit="percent")
+    joined = joined_hypotheses([step, within, beyond, gain])
+    assert {finding: named(each) for finding, each in joined.items()} == {"F2": [("quantised_values", "flow/10hz")]}
+    assert joined_hypotheses([of_flow("F1", "integrity.resolution.step", 2.0, CoarseStep("2^-8")), within]) == {}

@@ -29,9 +29,12 @@ class CoarseStep(Feature):
     ----------
     text
         The step in words.
+    size
+        The coarsest step of a component, in its unit; 0 for a step that grows with the value.
     """
 
     text: str
+    size: float = 0.0
 
 
 class IntegrityResolution(FactsCheck):
@@ -104,7 +107,7 @@ class IntegrityResolution(FactsCheck):
                     f"{error:.2g} {unit}, and {size:g} {unit} is material.",
                     code="integrity.resolution.step",
                     where=Where(stream=spec_of(key).stream),
-                    features=(CoarseStep(text),),
+                    features=(CoarseStep(text, max(part.size for part in step.components or (step,))),),
                 )
             )
         coverage = Coverage(len(statistics), len(keys), "datasets")
