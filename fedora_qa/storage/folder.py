@@ -60,8 +60,8 @@ def list_files(folder: Path) -> tuple[FolderFile, ...]:
     """Return the regular files below a folder, in the order of their names; or those of one sequence in it.
 
     Hidden files and folders are left out: programs keep their own there. A link to a file counts as that file if it
-    lies in the folder as well. Links to folders, and links that lead out, are left out: a folder must not decide which
-    files outside of it are read.
+    lies in the folder as well. Links to folders, and links that lead nowhere or out, are left out: a folder must not
+    decide which files outside of it are read.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def list_files(folder: Path) -> tuple[FolderFile, ...]:
                     # A name that is no UTF-8 is in no dialect, and cannot be written into a record.
                     if entry.name.startswith(".") or not entry.name.isprintable():
                         continue
-                    if entry.is_symlink() and not Path(os.path.realpath(entry.path)).is_relative_to(root):
+                    if entry.is_symlink() and not _leads_into(root, entry.path):
                         continue
                     if entry.is_dir(follow_symlinks=False):
                         if depth < DEEPEST:
@@ -99,6 +99,14 @@ def list_files(folder: Path) -> tuple[FolderFile, ...]:
     except OSError as error:
         raise MisuseError(f"Expected a folder that can be read, got {error.strerror or error}: {folder}") from error
     return tuple(sorted(files, key=lambda file: file.name))
+
+
+def _leads_into(root: Path, link: str) -> bool:
+    """Whether a link leads to something below a folder; one that leads nowhere, or to itself, does not."""
+    try:
+        return Path(os.path.realpath(link, strict=True)).is_relative_to(root)
+    except OSError:
+        return False
 
 
 def require_readable(folder: Path) -> None:

@@ -25,11 +25,13 @@ def sequence(tmp_path: Path) -> Path:
 
 
 def test_only_files_of_the_folder_are_listed(sequence: Path) -> None:
-    """Hidden files, links out of the folder, links to folders and pipes are left out; a link within it counts."""
+    """Hidden files, pipes, links out of the folder, to folders, to nowhere are left out; a link within it counts."""
     (sequence / "out.txt").symlink_to(sequence.parent / "secret.txt")
     (sequence / "up").symlink_to(sequence.parent)
     (sequence / "round").symlink_to(sequence)
     (sequence / "in.h5").symlink_to(sequence / "b.h5")
+    (sequence / "itself.h5").symlink_to(sequence / "itself.h5")
+    (sequence / "broken.h5").symlink_to(sequence / "missing.h5")
     os.mkfifo(sequence / "pipe.txt")
     assert [file.name for file in list_files(sequence)] == ["b.h5", "images/0.png", "in.h5"]
 
