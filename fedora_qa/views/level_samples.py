@@ -33,6 +33,7 @@ from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.event_blocks import NOMINAL_RESPONSE
 from fedora_qa.views.event_camera import (
     HALO_NS,
     ROUNDING_DN,
@@ -208,17 +209,17 @@ def fit_thresholds(state: Sequence[LevelSums], facts: Facts) -> ThresholdFit | s
     state
         Sums of the windows, in the order of time.
     facts
-        With the declared event sensor.
+        With the declared event sensor; ``NOMINAL_RESPONSE`` where there is none.
 
     Returns
     -------
     ThresholdFit or str
         A sentence that gives the reason where they cannot be fitted.
     """
-    declared = facts.declared.events
+    declared = facts.declared.events or NOMINAL_RESPONSE
     pairs = sum(sums.pairs for sums in state)
     too_few = f"only {pairs} pairs of frames at which events determine a level (slow motion, little texture, or dark)"
-    if declared is None or not state:
+    if not state:
         return too_few
     ours, theirs = ("linear", "log") if declared.model == "linear" else ("log", "linear")
     blocks, other_blocks = _concatenated(state, f"{ours}_edge_aware"), _concatenated(state, f"{theirs}_edge_aware")
@@ -391,13 +392,13 @@ def least_dn(window: Window, declared: EventModel) -> float:
 
 
 def _level_samples(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:
-    """Return all pairs of level samples of a window, its frames, and the declared sensor; None with too few pairs."""
+    """Return all pairs of level samples of a window, its frames, and the declared or nominal sensor; None: too few."""
     return window.derived(_sampled_levels)
 
 
 def _sampled_levels(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:
-    frames, declared = resampled_frames(window), window.facts.declared.events
-    if declared is None or len(frames) < 2:
+    frames, declared = resampled_frames(window), window.facts.declared.events or NOMINAL_RESPONSE
+    if len(frames) < 2:
         return None
     pairs = _pairs(window, frames, declared, pixel_events(window))
     return (pairs, frames, declared) if len(pairs) >= FEWEST_PAIRS else None

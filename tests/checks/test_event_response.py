@@ -425,3 +425,37 @@ def test_orientation_needs_no_declared_response(path: Path, model: str, change: 
     assert [one.name for one in result.measurements] == ["advantage_of_another_orientation"]
     assert result.outcome == ("failed" if causes else "passed")
     assert {diagnosis.cause for diagnosis in diagnoses_of(path, "event_response")[:1]} == causes
+
+
+def without_response(file: EventFile, path: Path) -> tuple[Result, dict[str, Any]]:
+    """Return the result of the threshold check of a file that declares no sensor, and what the record infers."""
+    file.write(path)
+    with h5py.File(path, "r+") as stored:
+        del stored["metadata/events"]
+    record = measured_record(path, "event_response")
+    (result,) = (result for result in record.results if result.check == "event_response.threshold")
+    return result, dict(record.inferred)
+
+
+@pytest.mark.parametrize(
+    ("model", "unit", "tolerance"), [("log", "nat", 0.005), ("linear", "dn", 0.5)], ids=["log", "linear"]
+)
+def test_undeclared_thresholds_are_estimated_and_not_judged(
+    path: Path, model: str, unit: str, tolerance: float
+) -> None:
+    """Domain and thresholds are those of the world, linear ones to half a value, and compared with nothing."""
+    file, threshold = (log_file(), 0.2) if model == "log" else (linear_file(), 6.0)
+    result, inferred = without_response(file, path)
+    assert (result.outcome, result.measurements) == ("warned", ())
+    assert [finding.code for finding in result.findings] == ["event_response.threshold.undeclared"]
+    assert inferred["events.response"] == model
+    for polarity in ("on", "off"):
+        assert inferred[f"events.threshold_{polarity}_{unit}"] == pytest.approx(threshold, abs=tolerance)
+
+
+def test_inverted_events_have_no_undeclared_thresholds(path: Path) -> None:
+    """Thresholds below zero are none of a sensor: what events.orientation names is not stated as a response."""
+    result, inferred = without_response(events(lambda e: replace(e, p=1 - e.p))(log_file()), path)
+    assert (result.outcome, result.findings) == ("not_observable", ())
+    assert "event_response.orientation" in result.reason
+    assert not any(name.startswith("events.threshold") for name in inferred)

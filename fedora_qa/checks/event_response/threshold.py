@@ -5,13 +5,15 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.features import Feature
-from fedora_qa.record.types import Where
+from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
 from fedora_qa.views.level_samples import (
+    LIMIT_ERRORS,
+    ThresholdFit,
     WeightedLevelSums,
     fit_thresholds,
     level_coverage,
@@ -64,7 +66,8 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
     """Do events have the declared contrast thresholds?
 
     The differences of C+ and of C- from the declared thresholds, in percent. The unit of a threshold is nat for the log
-    model and DN for the linear one.
+    model and DN for the linear one. Where no response is declared, as of most real sensors, the thresholds are stated
+    and not judged, in the domain that the events follow better.
 
     Why it matters
     --------------
@@ -111,22 +114,24 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
     needs = ("events", "rgb")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Require both cameras at one place, and declared thresholds."""
-        return why_frames_and_events_do_not_meet(facts)
+        """Require both cameras at one place, and positive thresholds where a response is declared."""
+        return why_frames_and_events_do_not_meet(facts, needs_response=facts.declared.events is not None)
 
     def measure(self, window: Window) -> WeightedLevelSums | None:
         """Sum the window's level samples by both weightings."""
         return weighted_level_sums(window)
 
     def conclude(self, state: Sequence[WeightedLevelSums], facts: Facts) -> Observation:
-        """State both thresholds in percent of the declared ones, by the weighting with the smaller errors."""
+        """Compare both thresholds with the declared ones, or state them; by the weighting with the smaller errors."""
         by_precision = [sums.by_precision for sums in state]
         declared, coverage = facts.declared.events, level_coverage(by_precision)
         fitted = lower_variance_fit(
             fit_thresholds([sums.equal for sums in state], facts), fit_thresholds(by_precision, facts)
         )
-        if isinstance(fitted, str) or declared is None:
-            return Observation(coverage, unobservable=str(fitted))
+        if isinstance(fitted, str):
+            return Observation(coverage, unobservable=fitted)
+        if declared is None:
+            return _undeclared(fitted, coverage)
         fit, errors, bounds = fitted.fit, fitted.fit.standard_errors, fitted.model_errors
         unit = "DN" if declared.model == "linear" else "nat"
         # Pixels of low threshold have more events: a bias of up to six times the squared relative spread of thresholds.
@@ -170,3 +175,34 @@ class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
                 )
             )
         return Observation(coverage, tuple(statistics))
+
+
+def _undeclared(fitted: ThresholdFit, coverage: Coverage) -> Observation:
+    """State the thresholds of a sensor that declares no response, in the domain that its events follow."""
+    response, unit = "log", "nat"
+    on, off = fitted.fit.threshold_on, fitted.fit.threshold_off
+    preference, error = fitted.preference
+    if fitted.other_domain is not None and preference > LIMIT_ERRORS * error:
+        response, unit = "linear", "DN"
+        # The step is (C + 1/2) (1 + overshoot / 2), as where the linear model is declared.
+        on, off = (
+            step / (1 + 0.5 * fitted.overshoot) - 0.5
+            for step in (fitted.other_domain.threshold_on, fitted.other_domain.threshold_off)
+        )
+    if not min(on, off) > 0:
+        reason = (
+            "events do not follow the frames: a fitted threshold is not above zero (see event_response.orientation)"
+        )
+        return Observation(coverage, unobservable=reason)
+    notice = Notice(
+        "event_response.threshold.undeclared",
+        f"The response of the event sensor is not declared, and is not judged: events fit the {response} model with "
+        f"thresholds of {on:.3g} {unit} (brighter) and {off:.3g} {unit} (darker).",
+        Where(stream="events"),
+    )
+    inferred: dict[str, str | float] = {
+        "events.response": response,
+        f"events.threshold_on_{unit.lower()}": on,
+        f"events.threshold_off_{unit.lower()}": off,
+    }
+    return Observation(coverage, notices=(notice,), inferred=inferred)
