@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import resources
+from itertools import chain
 from math import pi
 from pathlib import Path, PurePosixPath
 from typing import Any, ClassVar, Final, Literal
@@ -137,6 +138,12 @@ class MetadataPlace:
 
 Declaration = MetadataPlace | tuple[MetadataPlace, ...] | Constant
 """A place, a product of matrices at several places, or the value itself."""
+
+
+def _places_in(declaration: Declaration) -> tuple[MetadataPlace, ...]:
+    """Return the places that a declaration is read from; none of a constant."""
+    parts = declaration if isinstance(declaration, tuple) else (declaration,)
+    return tuple(place for place in parts if isinstance(place, MetadataPlace) and place.value is None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,6 +282,11 @@ class Dialect:
     def place_of(self, key: str) -> DatasetPlace | None:
         """Return where a canonical dataset lies; None where this dialect has no place for it."""
         return self.datasets.get(key, DatasetPlace(file=self.first_role) if self.canonical_elsewhere else None)
+
+    def roles_of_declaration(self, owner: str) -> tuple[str, ...]:
+        """Return the roles of the files that hold attributes of an object of the layout, each once."""
+        places = (_places_in(made) for key, made in self.metadata.items() if key.rpartition("/")[0] == owner)
+        return tuple({place.file: None for place in chain.from_iterable(places)})
 
     def is_canonical(self, key: str) -> bool:
         """Whether the dialect holds the dataset to the canonical type and path."""
@@ -458,8 +470,7 @@ def _require_consistent(dialect: Dialect) -> None:
     named += [
         (f"metadata.{key}", place.file)
         for key, declaration in dialect.metadata.items()
-        for place in (declaration if isinstance(declaration, tuple) else (declaration,))
-        if isinstance(place, MetadataPlace) and place.value is None
+        for place in _places_in(declaration)
     ]
     for where, role in named:
         if role not in dialect.files and (role or dialect.files):

@@ -103,6 +103,17 @@ class MatchedFolder:
             return self.dialect.files[role][0]
         return files.first.relative_to(self.folder).as_posix() if len(files.names) == 1 else files.pattern
 
+    def missing_files(self, owner: str) -> tuple[str, ...]:
+        """Return the patterns of the files that the folder lacks and in which the dialect has parts of a declaration.
+
+        Parameters
+        ----------
+        owner
+            Object of the layout that the declaration belongs to, such as ``metadata/cameras/rgb``.
+        """
+        roles = self.dialect.roles_of_declaration(owner)
+        return tuple(self.place(role) for role in roles if role not in self.files)
+
     def in_words(self) -> dict[str, str]:
         """Return what each role is, in words, for the record."""
         return {

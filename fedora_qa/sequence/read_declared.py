@@ -196,7 +196,10 @@ class _Reader:
         supplied = {spec.name: made for spec in specs if (made := self.layout.supplied.get(_key_of(spec)))}
         if holder is None and not supplied:
             if not is_dataset_key(owner) and (owner or isinstance(self.file, h5py.File)):
-                self._problem(owner, "", "missing_stream", f"Expected the group /{owner}, got nothing there")
+                message = f"Expected the group /{owner}, got nothing there"
+                if isinstance(self.file, OpenFolder) and (files := self.file.matched.missing_files(owner)):
+                    message += f", because there is no {' and no '.join(files)} in the folder; supply it"
+                self._problem(owner, "", "missing_stream", message)
             return None
         values: dict[str, Any] = {}
         is_unknown = False

@@ -242,6 +242,16 @@ def test_what_is_wrong_is_one_sentence(
         assert len(done.err.strip().splitlines()) == 1
 
 
+def test_cameras_without_a_calibration_name_its_file(fedora_qa: Command, dsec: Path) -> None:
+    """Whoever unpacked the calibration elsewhere reads which file the folder lacks."""
+    remove_calibration(dsec)
+    done = fedora_qa("check", "--select", "metadata", dsec)
+    words = " ".join(done.out.split())
+    for camera in ("rgb", "events"):
+        expected = f"Expected the group /metadata/cameras/{camera}, got nothing there, because there is no"
+        assert f"{expected} calibration/cam_to_cam.yaml in the folder; supply it" in words
+
+
 def test_the_file_without_which_no_folder_fits(fedora_qa: Command, dsec: Path) -> None:
     """Of a folder that has the other roles it is named; the map beside it is not taken for a sequence."""
     (dsec / "events/left/events.h5").unlink()
