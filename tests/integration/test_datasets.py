@@ -206,6 +206,15 @@ def test_a_correct_sequence_has_no_finding(name: str, stand_ins: dict[str, Path]
         assert outcomes(alone, "passed") < outcomes(record, "passed")
 
 
+@pytest.mark.parametrize("name", ["mvsec", "eds"])
+def test_thresholds_that_nobody_declares_are_measured(name: str, stand_ins: dict[str, Path]) -> None:
+    """Where frames and events share a camera, they are those of the source, and not judged."""
+    record = check(stand_ins[name], None, ("event_response.threshold",))
+    assert outcomes(record, "warned") == {"event_response.threshold"}
+    for polarity in ("on", "off"):
+        assert record.inferred[f"events.threshold_{polarity}_nat"] == pytest.approx(0.2, rel=0.05)
+
+
 def test_poses_and_depth_of_m3ed_are_those_of_the_source(
     sources: dict[str, TwoViews], stand_ins: dict[str, Path]
 ) -> None:
