@@ -251,39 +251,49 @@ def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             else:
                 hypotheses.append(Hypothesis("dropped_samples", stream, lost, statistic.value, "samples"))
     for feature in statistic.features:
-        if not isinstance(feature, StreamEnds):
-            continue
-        if feature.is_shift:
-            shifted, offset_ms = support("clocks.shifted_span"), feature.shift_ns / NS_PER_MS
-            hypotheses.append(Hypothesis("time_offset", stream, shifted, offset_ms, "ms", _error_of_shift_ms(feature)))
-            continue
-        # Streams of one sample each have a median duration of 0 ns.
-        duration_ns = max(feature.median_duration_ns, 1.0)
-        # Ratio of the duration to the median duration of the streams: near the factor of a unit the cause is the unit,
-        # not a cut.
-        ratio = 1 - feature.missing_ns / duration_ns
-        is_longer = feature.missing_ns < 0
-        stretched = _of_stretched_clock(stream, feature, facts) if is_longer else None
-        may_be_fast = not is_longer and feature.median_duration_ns > 0
-        for factor, row in ((unit_factor(ratio), "span_in_other_unit"), (tick_factor(ratio), "span_in_ticks")):
-            if factor != 1.0 and (stretched is None or _is_stretched_by(factor, feature)):
-                hypotheses.append(Hypothesis("time_unit", stream, support(f"clocks.{row}"), factor, "1"))
-        is_of_unit = any(hypothesis.cause == "time_unit" for hypothesis in hypotheses)
-        factors = () if is_of_unit else factors_of_span(stream, feature, facts)
-        # A stretched clock of a nominal rate has another rate, unless the factor is that of a unit or a counter.
-        if stretched is not None and not is_of_unit and not (factors and is_tick_factor(factors[0])):
-            hypotheses.append(stretched)
-            factors = ()
-        cut_percent = 100 * feature.missing_ns / duration_ns
-        hypotheses.append(Hypothesis("truncated", stream, support("clocks.cut_span"), cut_percent, "percent"))
-        if factors:
-            hypotheses.append(Hypothesis("time_unit", stream, support("clocks.span_by_factor"), factors[0], "1"))
-        elif stream in _SAMPLED_ALONE and facts.clocks[stream].usable and may_be_fast and not is_of_unit:
-            # Samples that were counted by another clock, or lost and numbered anew: what they hold decides.
-            rate_ppm = -1e6 * feature.missing_ns / duration_ns
-            hypotheses.append(Hypothesis("clock_rate", stream, support("clocks.span_by_rate"), rate_ppm, "ppm"))
+        if isinstance(feature, StreamEnds):
+            has_unit = any(hypothesis.cause == "time_unit" for hypothesis in hypotheses)
+            hypotheses.extend(_of_ends(stream, feature, facts, has_unit=has_unit))
     if any(isinstance(feature, CutOfSeveralRates) for feature in statistic.features):
         return tuple(replace(hypothesis, stream=stream_family(hypothesis.stream)) for hypothesis in hypotheses)
+    return tuple(hypotheses)
+
+
+def _of_ends(stream: str, ends: StreamEnds, facts: Facts, *, has_unit: bool) -> tuple[Hypothesis, ...]:
+    """Return the causes of a stream that begins or ends elsewhere than the others, of which a part may have a unit."""
+    if ends.is_shift:
+        shifted, offset_ms = support("clocks.shifted_span"), ends.shift_ns / NS_PER_MS
+        return (Hypothesis("time_offset", stream, shifted, offset_ms, "ms", _error_of_shift_ms(ends)),)
+    hypotheses: list[Hypothesis] = []
+    # Streams of one sample each have a median duration of 0 ns.
+    duration_ns = max(ends.median_duration_ns, 1.0)
+    # Ratio of the duration to the median duration of the streams: near the factor of a unit the cause is the unit,
+    # not a cut.
+    ratio = 1 - ends.missing_ns / duration_ns
+    is_longer = ends.missing_ns < 0
+    stretched = _of_stretched_clock(stream, ends, facts) if is_longer else None
+    may_be_fast = not is_longer and ends.median_duration_ns > 0
+    for factor, row in ((unit_factor(ratio), "span_in_other_unit"), (tick_factor(ratio), "span_in_ticks")):
+        if factor != 1.0 and (stretched is None or _is_stretched_by(factor, ends)):
+            hypotheses.append(Hypothesis("time_unit", stream, support(f"clocks.{row}"), factor, "1"))
+    is_of_unit = has_unit or bool(hypotheses)
+    factors = () if is_of_unit else factors_of_span(stream, ends, facts)
+    # A stretched clock of a nominal rate has another rate, unless the factor is that of a unit or a counter.
+    if stretched is not None and not is_of_unit and not (factors and is_tick_factor(factors[0])):
+        hypotheses.append(stretched)
+        factors = ()
+    cut_percent = 100 * ends.missing_ns / duration_ns
+    hypotheses.append(Hypothesis("truncated", stream, support("clocks.cut_span"), cut_percent, "percent"))
+    if factors and not is_tick_factor(factors[0]) and _has_whole_hz(stream, facts):
+        # No counter has such ticks, and other ticks leave no whole rate: the samples were counted at another rate.
+        rate_ppm = 1e6 * (factors[0] - 1)
+        hypotheses.append(Hypothesis("clock_rate", stream, support("clocks.span_by_rate"), rate_ppm, "ppm"))
+    elif factors:
+        hypotheses.append(Hypothesis("time_unit", stream, support("clocks.span_by_factor"), factors[0], "1"))
+    elif stream in _SAMPLED_ALONE and facts.clocks[stream].usable and may_be_fast and not is_of_unit:
+        # Samples that were counted by another clock, or lost and numbered anew: what they hold decides.
+        rate_ppm = -1e6 * ends.missing_ns / duration_ns
+        hypotheses.append(Hypothesis("clock_rate", stream, support("clocks.span_by_rate"), rate_ppm, "ppm"))
     return tuple(hypotheses)
 
 
@@ -315,6 +325,14 @@ def _of_stretched_clock(stream: str, ends: StreamEnds, facts: Facts) -> Hypothes
     error_ppm = 1e6 * NS_PER_US / sqrt(6.0) / (steps * nominal_ns)
     rate_ppm = 1e6 * (mean_ns / nominal_ns - 1)
     return Hypothesis("clock_rate", stream, support("clocks.stretched_span"), rate_ppm, "ppm", error_ppm)
+
+
+def _has_whole_hz(stream: str, facts: Facts) -> bool:
+    """Whether the timestamps of a stream come at a whole rate in Hz, to the rounding of both ends to a microsecond."""
+    times_ns = facts.clocks[stream].times_ns
+    span_ns = float(times_ns[-1] - times_ns[0])
+    period_ns = span_ns / (len(times_ns) - 1)
+    return abs(period_ns / _whole_hz_ns(period_ns) - 1) <= NS_PER_US / span_ns
 
 
 def _is_stretched_by(factor: float, ends: StreamEnds) -> bool:

@@ -193,8 +193,8 @@ SECOND = 1000.0 * MS
         ),
         pytest.param(
             StreamEnds(0.0, 400.0 * MS, SECOND),
-            (Hypothesis("truncated", "rgb", 0.8, 40.0, "percent"), Hypothesis("time_unit", "rgb", 0.7, 0.6, "1")),
-            id="cut, or of another clock",
+            (Hypothesis("truncated", "rgb", 0.8, 40.0, "percent"), Hypothesis("clock_rate", "rgb", 0.3, -400e3, "ppm")),
+            id="cut, or of a far rate",
         ),
         pytest.param(
             StreamEnds(0.0, -31.0 * SECOND, SECOND),
@@ -226,7 +226,19 @@ def test_a_clock_that_stretches_span_and_period_alike_has_a_wrong_rate() -> None
     assert rate.magnitude == pytest.approx(1.484e6, rel=1e-4)
     longer = clock(np.arange(0, round(2.484 * 2 * SECOND), nominal.times_ns[1]))
     hypotheses = proposed("clocks.span.end", ends, stream="imu", facts=with_clock(facts, "imu", longer))
-    assert named(hypotheses) == [("truncated", "imu"), ("time_unit", "imu")]
+    assert named(hypotheses) == [("truncated", "imu"), ("clock_rate", "imu")]
+
+
+def test_ticks_of_no_counter_are_a_unit_where_they_leave_no_whole_rate() -> None:
+    """50 Hz in ticks of 0.4321 us come at 115.7 Hz; the same span at 116 Hz is that of another rate."""
+    facts, ends = exact_facts(), StreamEnds(0.0, (1 - 0.4321) * 2 * SECOND, 2 * SECOND)
+    ticks = clock((facts.clocks["rgb"].times_ns * 0.4321 / 1000).astype(np.int64) * 1000)
+    counted = clock((np.arange(len(ticks.times_ns)) * 1e6 / 116).astype(np.int64) * 1000)
+    causes = [
+        named(proposed("clocks.span.end", ends, facts=with_clock(facts, "rgb", rgb_clock)))[1]
+        for rgb_clock in (ticks, counted)
+    ]
+    assert causes == [("time_unit", "rgb"), ("clock_rate", "rgb")]
 
 
 @pytest.mark.parametrize("recur", [True, False])
