@@ -72,6 +72,9 @@ _OF_WHOLE_IMAGES: Final = frozenset({"mirrored", "depth_ray_not_z"})
 _PAIRS_OF_SINGLE_FRAMES: Final = 3
 """Most pairs next to each other that a fault of single frames affects: two exchanged neighbours are in three."""
 
+_PAIRS_OF_A_FRAME: Final = 2
+"""Pairs next to each other that one wrong frame, or one wrong pose, is in."""
+
 _CAUSES_OF_TRANSFORM: Final[Mapping[Transform, tuple[tuple[str, str, float, Size], ...]]] = MappingProxyType({
     "depth_scale": (
         ("unit_mm_m", "depth", _ALL_OF_IT, float),
@@ -182,9 +185,11 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
         *_by_trials(trials, ("all",), share_off=pairs.off / pairs.compared),
         *_by_trials(trials, ("part",), share_off=1.0),
     )
-    if _lasts(alarm, pairs):
-        # At either end of the time that the fault holds, one frame of a pair has it.
-        averages = (*averages, *_by_trials(trials, ("all", "part"), share_off=pairs.off / pairs.compared, lasts=True))
+    follow_each_other = _pairs_in_a_row(alarm, pairs)
+    # At either end of the time that a fault holds, one frame of a pair has it.
+    of_a_while = _by_trials(trials, ("all", "part"), share_off=pairs.off / pairs.compared, lasts=True)
+    if follow_each_other > _PAIRS_OF_SINGLE_FRAMES:
+        averages = (*averages, *of_a_while)
     # The best supported, of each cause and stream.
     ascending = sorted(averages, key=lambda hypothesis: hypothesis.support)
     hypotheses = list({(hypothesis.cause, hypothesis.stream): hypothesis for hypothesis in ascending}.values())
@@ -204,8 +209,9 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
         hypotheses += [
             Hypothesis("other_sequence", stream, max(least, another * single_pose)) for stream in ("depth", "pose")
         ]
-    elif _lasts(alarm, pairs) and max((h.support for h in hypotheses), default=0.0) < _EXACT:
-        # Nor do any in a part of the file. Each transform leaves nothing but rounding where it is the cause.
+    elif follow_each_other > _PAIRS_OF_A_FRAME and all(h.support < _EXACT for h in (*hypotheses, *of_a_while)):
+        # Nor do any in a part of the file, be it of three pairs: each transform, the exchange of neighbours included,
+        # leaves nothing but rounding where it is the cause.
         share_percent = 100 * pairs.off / pairs.compared
         for_a_while = support("depth.another_sequence_for_a_while")
         hypotheses.append(Hypothesis("other_sequence", "depth", for_a_while, share_percent, "percent"))
@@ -221,13 +227,13 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
     )
 
 
-def _lasts(alarm: Alarm, pairs: PairsOff) -> bool:
-    """Whether the deviating pairs lie next to each other in a part of the file, and no single frames explain them."""
+def _pairs_in_a_row(alarm: Alarm, pairs: PairsOff) -> int:
+    """Return the number of deviating pairs where these lie next to each other in a part of the file; otherwise 0."""
     where = alarm.finding.where
     if where.index_start is None or where.index_stop is None:
-        return False
+        return 0
     between = where.index_stop - where.index_start - 1
-    return _PAIRS_OF_SINGLE_FRAMES < between <= pairs.off < pairs.compared
+    return between if between <= pairs.off < pairs.compared else 0
 
 
 def frames_between(alarm: Alarm) -> RowRange | None:

@@ -172,7 +172,17 @@ def test_pairs_next_to_each_other_have_a_fault_that_lasts(last: int, lasts: bool
     assert (named_first.cause == "depth_ray_not_z" and named_first.support == pytest.approx(0.95)) is lasts
 
 
-@pytest.mark.parametrize(("reduced", "last", "is_other"), [(0.9, 10, True), (0.99, 10, False), (0.9, 30, False)])
+@pytest.mark.parametrize(
+    ("reduced", "last", "is_other"),
+    [
+        pytest.param(0.9, 10, True, id="six pairs"),
+        pytest.param(0.9, 7, True, id="three pairs"),
+        pytest.param(0.9, 6, False, id="pairs of one frame"),
+        pytest.param(0.99, 10, False, id="explained"),
+        pytest.param(0.99, 7, False, id="three pairs explained"),
+        pytest.param(0.9, 30, False, id="apart"),
+    ],
+)
 def test_pairs_next_to_each_other_that_nothing_explains_are_of_another_sequence(
     reduced: float, last: int, *, is_other: bool
 ) -> None:
