@@ -62,6 +62,8 @@ class PairParameter:
         be compared) and after the fit; and the number of directions that the frames constrain as declared.
     plausible
         Whether the depths lie in the declared range.
+    path_noise_square
+        Chi squared of the camera's path under its declared noise, of three degrees of freedom; infinite without noise.
     path_factor
         Factor by which the camera's path is too long if the depths are correct; NaN where not fitted.
     """
@@ -78,6 +80,7 @@ class PairParameter:
     fit_noise_square: float
     noise_dof: float
     plausible: bool
+    path_noise_square: float
     path_factor: float
 
 
@@ -180,6 +183,7 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
                     fit.noise_square,
                     as_declared.noise_dof if as_declared else 0.0,
                     depths_plausible(pair.window.facts, lattice.depths_m),
+                    _path_noise_square(pair),
                     self.path_factor(pair, fit) if window.sampling.features else float("nan"),
                 )
             )
@@ -212,6 +216,15 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
             return Observation(coverage, unobservable=why)
         where = where_of_frames(facts, fits[0].first, fits[-1].second)
         return Observation(coverage, (replace(self.statistic(pooled, fits), where=where),))
+
+
+def _path_noise_square(pair: DepthPair) -> float:
+    """Return chi squared of the translation t (3,) of a pair under its noise of covariance D D^T, with D (3, k)."""
+    directions_m = pair.noise[3:]
+    if pair.window.facts.declared.pose is None or np.linalg.matrix_rank(directions_m) < len(directions_m):
+        return np.inf
+    whitened = np.linalg.pinv(directions_m) @ pair.motion.t_m
+    return float(whitened @ whitened)
 
 
 def pool(fits: Sequence[PairParameter], *, known_noise: bool) -> PooledParameter | None:

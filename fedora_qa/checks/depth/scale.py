@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import sqrt
 from typing import Final, TypeVar
 
 import numpy as np
@@ -22,6 +23,10 @@ Parameter = TypeVar("Parameter", PairParameter, PooledParameter)
 
 _SIGNIFICANT: Final = 10.0
 """Standard errors from 1 at which the factor of a pair is wrong at any false-alarm rate of a file."""
+
+_CHANCE: Final = 5.0
+"""Standard deviations that chi squared of paths of noise is not away from its expectation: 6e-7 of files, by the normal
+law."""
 
 _RELATIVE_STEP: Final = 1e-3
 """Relative step of the numerical derivative by the factor."""
@@ -68,7 +73,8 @@ class DepthScale(FittedParameter):
     -----------
     The bounds of ``depth.consistency``, propagated through the fit in the worst direction (model error bound); and the
     declared pose noise and the steps of stored poses, which change the motion of each pair (standard error). Where no
-    pose noise is declared, the spread over pairs is the standard error if it is larger.
+    pose noise is declared, the spread over pairs is the standard error if it is larger. A path that is no longer and no
+    shorter than its declared noise determines no factor.
 
     Cannot detect
     -------------
@@ -119,8 +125,14 @@ class DepthScale(FittedParameter):
     def pooled(self, fits: Sequence[PairParameter], *, known_noise: bool) -> PooledParameter | None:
         """Pool the reciprocals of the factors.
 
-        With noise of the positions, the ratio of path to depths is normal, and its reciprocal is skewed.
+        With noise of the positions, the ratio of path to depths is normal, and its reciprocal is skewed. Where the whole
+        path is noise, the ratio is noise over the parallax: of a camera at rest it has no finite mean, and errors of its
+        reciprocal to first order do not hold. Chi squared of n such paths has the mean 3 n. Successive pairs share a
+        pose, so that their noise is correlated by -1/2, and chi squared by 1/4: its variance is 6 n (1 + 2/4).
         """
+        deviation = sum(fit.path_noise_square - 3 for fit in fits)
+        if abs(deviation) <= _CHANCE * sqrt(9 * len(fits)):
+            return None
         pooled = pool([_reciprocal(fit) for fit in fits if fit.value != 0], known_noise=known_noise)
         return None if pooled is None or pooled.value == 0 else _reciprocal(pooled)
 

@@ -12,7 +12,7 @@ from fedora_qa.checks.depth.parameters import PairParameter, ResidualReduction, 
 from fedora_qa.checks.depth.scale import DepthScale
 from fedora_qa.diagnosis.hypothesis import only_feature
 from fedora_qa.sequence.stored_step import StoredStep
-from tests.support.depth_world import clean, first_hypothesis, noisy, value, with_depth
+from tests.support.depth_world import NOISE, clean, first_hypothesis, noisy, value, with_depth
 from tests.support.flow_world import judged
 
 Depths = NDArray[Any]
@@ -86,7 +86,7 @@ def test_corrections_count_where_they_exceed_their_noise() -> None:
 
 def pair(number: int, value: float = 1.0, declared: float = 0.0, fitted: float = 0.0) -> PairParameter:
     """Return a pair of frames without residuals, with chi squared of its correction as declared and after the fit."""
-    return PairParameter(number, number + 1, 100, value, 0.01, 0.0, 0.0, 0.0, declared, fitted, 6.0, True, 1.0)
+    return PairParameter(number, number + 1, 100, value, 0.01, 0.0, 0.0, 0.0, declared, fitted, 6.0, True, np.inf, 1.0)
 
 
 def test_shifted_depth_does_not_raise_the_limit() -> None:
@@ -110,3 +110,21 @@ def test_rounded_positions_are_no_scale(step_m: float) -> None:
     assert errors[0] is not None
     assert errors[1] is not None
     assert errors[1] > 10 * errors[0]
+
+
+def test_a_camera_that_stands_still_has_no_scale() -> None:
+    """Frames without parallax contradict no path that consists of declared noise, and do contradict a real one."""
+    still = with_depth(lambda depth: np.repeat(depth[:1], len(depth), axis=0), clean())
+    poses = {
+        key: np.repeat(rows[:1], len(rows), axis=0) for key, rows in still.rows_by_key.items() if "path/pose/" in key
+    }
+    rng = np.random.default_rng(1)
+    jitter_m = rng.normal(0.0, NOISE.position_sigma_m, poses["path/pose/position"].shape)
+    standing = noisy().with_rows(
+        path_depth=still.rows_by_key["path/depth"],
+        path_pose_orientation=poses["path/pose/orientation"],
+        path_pose_position=poses["path/pose/position"] + jitter_m,
+    )
+    assert judged(DepthScale(), standing).result.outcome == "not_observable"
+    moving = clean().with_rows(path_depth=still.rows_by_key["path/depth"])
+    assert judged(DepthScale(), moving).result.outcome == "failed"
