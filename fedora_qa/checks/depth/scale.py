@@ -125,8 +125,8 @@ class DepthScale(FittedParameter):
     def pooled(self, fits: Sequence[PairParameter], *, known_noise: bool) -> PooledParameter | None:
         """Pool the reciprocals of the factors.
 
-        With noise of the positions, the ratio of path to depths is normal, and its reciprocal is skewed. Where the whole
-        path is noise, the ratio is noise over the parallax: of a camera at rest it has no finite mean, and errors of its
+        With noise of the positions, the ratio of path to depths is normal, and its reciprocal is skewed. Where all of
+        the path is noise, it is noise over the parallax: of a camera at rest it has no finite mean, and errors of its
         reciprocal to first order do not hold. Chi squared of n such paths has the mean 3 n. Successive pairs share a
         pose, so that their noise is correlated by -1/2, and chi squared by 1/4: its variance is 6 n (1 + 2/4).
         """
