@@ -126,10 +126,8 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     -----------
     Between events, the level of a pixel is uncertain within C+ and C-, which gives a change a variance of 2/3 C+ C-,
     averaged over a block (noise). With s the variance of the change by frames, the expected correlation is sqrt(s / (s
-    + noise)). Signals that do not pass a threshold leave no event: where the variance v of the change by events is less
-    than s + noise, the expected correlation is less by sqrt(v / (s + noise)). The standard error over the file is the
-    delete-one jackknife over windows. For parts it is three times the error of independent blocks, because blocks of
-    one moving texture are not independent.
+    + noise)). The standard error over the file is the delete-one jackknife over windows. For parts it is three times
+    the error of independent blocks, because blocks of one moving texture are not independent.
 
     Cannot detect
     -------------
@@ -171,7 +169,9 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
         # divided by the number of its pixels.
         noise = 2 / 3 * response.threshold_on * response.threshold_off / BLOCK_PX**2
         by_change = [np.array([getattr(window, name).sums for window in state]) for name in ("steps", "span")]
-        predicted = [ChangeMoments(sums.sum(axis=0)).predicted_correlation(noise) for sums in by_change]
+        signals = [ChangeMoments(sums.sum(axis=0)).frame_variance() for sums in by_change]
+        # Correlation of a signal with itself and independent noise.
+        predicted = [float(np.sqrt(signal / (signal + noise))) for signal in signals]
         # The change from frame to frame, or over the whole window where motion is too slow between frames.
         best = int(np.argmax(predicted))
         # Element 4 holds the sum of squares of the events' change.
@@ -180,8 +180,7 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
         if predicted[best] < LEAST_PREDICTED:
             return Observation(
                 coverage,
-                unobservable="frames or events change too little: "
-                f"the expected correlation is only {predicted[best]:.2g}",
+                unobservable=f"frames change too little: the expected correlation is only {predicted[best]:.2g}",
             )
         if look_apart(facts.declared):
             return Observation(coverage, (_as_if_parallel(by_change[best], predicted[best], facts.declared),))

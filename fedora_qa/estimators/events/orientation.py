@@ -71,29 +71,6 @@ class ChangeMoments:
         n, d, _, dd, *_ = self.sums[0]
         return max(float(dd - d * d / max(n, 1.0)), 0.0) / max(float(n), 1.0)
 
-    def predicted_correlation(self, noise: float) -> float:
-        """Return the correlation of d and e in the first row that follows from their variances.
-
-        Where the signal passes thresholds, e is d and independent noise: the correlation is sqrt(v / (v + noise)), with
-        v the variance of d. Where it passes none, no events follow, whatever d is. If a share f of the blocks responds,
-        var e = f (v + noise) and cov(d, e) = f v: the correlation is less by sqrt(f).
-
-        Parameters
-        ----------
-        noise
-            Variance of the change of a block that its events do not determine, in squared units of the level.
-
-        Returns
-        -------
-        float
-            0 to 1; 0 where d or e does not vary.
-        """
-        n, _, e, _, ee, _ = self.sums[0]
-        n = max(float(n), 1.0)
-        by_frames, by_events = self.frame_variance(), max(float(ee - e * e / n), 0.0) / n
-        share = min(by_events / (by_frames + noise), 1.0)
-        return float(np.sqrt(share * by_frames / (by_frames + noise)))
-
 
 @dataclass(frozen=True, slots=True)
 class PartOrientation:

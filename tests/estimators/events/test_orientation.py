@@ -155,21 +155,3 @@ def test_equal_changes_have_no_variance(change: float, count: int) -> None:
     numbers = np.full(count, change)
     sums = np.array([[count, numbers.sum(), 0.0, (numbers**2).sum(), 0.0, 0.0]])
     assert 0.0 <= ChangeMoments(sums).frame_variance() <= 1e-13 * change**2
-
-
-@pytest.mark.parametrize("spread", [0.02, 0.05, 0.09, 0.3, 1.0])
-def test_signals_below_the_threshold_are_expected_to_correlate_less(spread: float) -> None:
-    """A correct sensor reaches half of the predicted correlation, whether most pixels pass a threshold or few do."""
-    threshold, rng = 0.2, np.random.default_rng(1)
-    # Blocks of 4 x 4 pixels of one signal and of independent texture; each starts at its reference.
-    signal = spread * (rng.normal(size=(4000, 1)) + 0.5 * rng.normal(size=(4000, 16)))
-    d, e = signal.mean(axis=1), (threshold * np.trunc(signal / threshold)).mean(axis=1)
-    moments_of = ChangeMoments(np.array([[len(d), d.sum(), e.sum(), d @ d, e @ e, d @ e]]))
-    assert moments_of.correlations()[0] >= moments_of.predicted_correlation(2 / 3 * threshold**2 / 16) / 2
-
-
-def test_independent_levels_between_events_leave_the_usual_correlation() -> None:
-    """Events that change by the signal and independent noise: sqrt(v / (v + noise)), and none without a change."""
-    sums = np.array([[100.0, 0.0, 0.0, 100.0, 150.0, 100.0]])
-    assert ChangeMoments(sums).predicted_correlation(0.5) == pytest.approx(np.sqrt(1 / 1.5))
-    assert ChangeMoments(np.zeros((1, 6))).predicted_correlation(0.5) == 0.0
