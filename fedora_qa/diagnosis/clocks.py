@@ -147,7 +147,7 @@ def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         elif isinstance(feature, CounterWrap):
             hypotheses.append(Hypothesis("time_unit", stream, support("clocks.counter_wrap")))
         elif isinstance(feature, ClockSetBack):
-            hypotheses += (*_of_overlap(stream, facts), _of_set_back(stream, feature))
+            hypotheses += (_of_set_back(stream, feature), *_of_overlap(stream, facts))
     return *hypotheses, Hypothesis("unsorted", stream, support("clocks.steps_back"), statistic.value, "samples")
 
 

@@ -157,7 +157,7 @@ def test_the_check_measures_the_scatter_of_what_is_left(tmp_path: Path) -> None:
     ],
 )
 def test_the_balance_against_wrong_frames_states_nothing_of_the_events(code: str, *, is_left: bool) -> None:
-    features = (CLUSTER, balance(0.6), course("part", -0.5), EventsAgainstChange(200, 1.0, 1.0, 1.0, 0.0, 0.0))
+    features = (CLUSTER, balance(0.6), course("part", -0.5), EventsAgainstChange(200, 1.0, 0.0))
     alarms = [
         Alarm(Finding(finding, of, "error", "off", Where()), Statistic("value", 1.0, "1", 0.0, "off", of, Where(),
                                                                        features=features))

@@ -235,7 +235,7 @@ def test_violations_where_few_events_are_lie_in_a_dead_region(changes_in_box: fl
 def test_a_region_with_events_against_the_light_is_not_dead(against: int, *, is_dead: bool) -> None:
     """Lost events leave none against the light; events in excess, of a noisy region, come against it as often."""
     cluster = ViolationCluster(10.0, 0.01, 0.65, 0.0, 0.7)
-    spurious = EventsAgainstChange(against, against / 200, 0.0, 0.0, 0.0, 0.0)
+    spurious = EventsAgainstChange(against, against / 200, 0.0)
     features = Violations(100, 0.01), cluster, LoneEventRate(0.0, 0.0, 1.0), spurious
     hypotheses = proposed("event_response.conservation.region", *features, stream="events")
     best = max(hypotheses, key=lambda hypothesis: hypothesis.support)
