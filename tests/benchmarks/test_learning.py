@@ -88,9 +88,9 @@ def test_test_flights_are_over_ground_of_their_own(kind: str) -> None:
             states = draw.scene().fly().states_at(np.linspace(0, FLIGHT_S, 21))
             assert (low_m <= states.positions_world_m[:, 0]).all()
             assert (states.positions_world_m[:, 0] <= high_m).all()
-            again = draw.scene().fly().states_at(np.zeros(1)).positions_world_m
-            np.testing.assert_array_equal(again[0], states.positions_world_m[0])
-            starts.add(tuple(again[0]))
+            again = draw.scene().fly().states_at(np.linspace(0, FLIGHT_S, 21))
+            np.testing.assert_array_equal(again.positions_world_m, states.positions_world_m)
+            starts.add(tuple(states.positions_world_m[0]))
     assert len(starts) == 6
     assert REGIONS_M["test"][0] > max(REGIONS_M[split][1] for split in ("train", "validation"))
 
