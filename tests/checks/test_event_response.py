@@ -446,8 +446,8 @@ def test_undeclared_thresholds_are_estimated_and_not_judged(
     """Domain and thresholds are those of the world, linear ones to half a value, and compared with nothing."""
     file, threshold = (log_file(), 0.2) if model == "log" else (linear_file(), 6.0)
     result, inferred = without_response(file, path)
-    assert (result.outcome, result.measurements) == ("warned", ())
-    assert [finding.code for finding in result.findings] == ["event_response.threshold.undeclared"]
+    assert (result.outcome, result.measurements, result.findings) == ("not_observable", (), ())
+    assert f"events fit the {model} model" in result.reason
     assert inferred["events.response"] == model
     for polarity in ("on", "off"):
         assert inferred[f"events.threshold_{polarity}_{unit}"] == pytest.approx(threshold, abs=tolerance)

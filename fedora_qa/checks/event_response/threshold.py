@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -194,15 +194,13 @@ def _undeclared(fitted: ThresholdFit, coverage: Coverage) -> Observation:
             "events do not follow the frames: a fitted threshold is not above zero (see event_response.orientation)"
         )
         return Observation(coverage, unobservable=reason)
-    notice = Notice(
-        "event_response.threshold.undeclared",
-        f"The response of the event sensor is not declared, and is not judged: events fit the {response} model with "
-        f"thresholds of {on:.3g} {unit} (brighter) and {off:.3g} {unit} (darker).",
-        Where(stream="events"),
+    reason = (
+        f"the response of the event sensor is not declared: events fit the {response} model with thresholds of "
+        f"{on:.3g} {unit} (brighter) and {off:.3g} {unit} (darker)"
     )
     inferred: dict[str, str | float] = {
         "events.response": response,
         f"events.threshold_on_{unit.lower()}": on,
         f"events.threshold_off_{unit.lower()}": off,
     }
-    return Observation(coverage, notices=(notice,), inferred=inferred)
+    return Observation(coverage, unobservable=reason, inferred=inferred)
