@@ -14,41 +14,46 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from fedora_qa.errors import MisuseError, first_line
 from fedora_qa.importing.recording import Block, Recording, Resolution
 from fedora_qa.importing.ros1_bag import Ros1Bag
+from fedora_qa.importing.ros_header import UnreadableMessageError
 from fedora_qa.importing.ros_messages import (
     EVENT_ARRAYS,
     EVENT_PACKETS,
     READERS,
     EventPackets,
-    UnreadableMessageError,
     event_array,
 )
+from fedora_qa.importing.ros_transforms import BODY, TRANSFORMS, BodyTransforms
 
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader
 
 TopicMap = Mapping[str, tuple[str, ...]]
-"""By stream: topics, of which the first that the bag has is read."""
+"""By stream: topics, of which the first that the bag has is read; ``/tf:base_link`` is a frame in a topic of ``tf``."""
+
+_COLOUR_TOPICS: Final = ("/camera/rgb/image_raw", "/camera/color/image_raw", "/camera/image_raw", "/dvs/image_raw")
+_DEPTH_TOPICS: Final = ("/camera/depth/image_raw", "/camera/depth/image_rect_raw")
 
 DEFAULT_TOPICS: Final[TopicMap] = MappingProxyType(
     {
         # The route of the paper: the DVS plugin, the OpenNI Kinect plugin of Gazebo, and PX4 by MAVROS.
         "events": ("/dvs/events", "/cam0/events", "/davis/left/events", "/prophesee/camera/cd_events_buffer",
                    "/event_camera/events"),
-        "rgb": ("/camera/rgb/image_raw", "/camera/color/image_raw", "/camera/image_raw", "/dvs/image_raw"),
-        "depth": ("/camera/depth/image_raw", "/camera/depth/image_rect_raw"),
+        "rgb": (*_COLOUR_TOPICS, *(f"{topic}/compressed" for topic in _COLOUR_TOPICS)),
+        "depth": (*_DEPTH_TOPICS, *(f"{topic}/compressedDepth" for topic in _DEPTH_TOPICS)),
         "imu": ("/mavros/imu/data_raw", "/mavros/imu/data", "/imu/data", "/imu", "/dvs/imu"),
         "pose": (
             "/ground_truth/odom", "/ground_truth/pose", "/mavros/local_position/odom", "/mavros/local_position/pose",
-            "/pose",
+            "/pose", f"/tf:{BODY}",
         ),
     }
 )  # fmt: skip
-"""The paper prints no names of topics: these are the names that the packages of its route use, and some others."""
+"""The paper prints no names of topics: these are the names that the packages of its route use, and some others. Images
+are also read from the topic that ``compressed_image_transport`` adds, where their own was not recorded."""
 
 _TOPICS_SHOWN = 8
 
-_COMPRESSED: Final = "sensor_msgs/msg/CompressedImage"
-"""Images of a stream that are not read."""
+_COMPRESSED: Final = ("/compressed", "/compressedDepth")
+"""Ends of the topics in which ``image_transport`` copies images, compressed."""
 
 _DESERIALISED: Final = frozenset(type_name for types, _ in READERS.values() for type_name in types)
 """Types of which objects are made."""
@@ -86,7 +91,10 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
             else:
                 bag = _Ros2(opened.enter_context(Reader(path)))
         usual = topics or DEFAULT_TOPICS
-        present = {stream: next((name for name in names if name in bag.types), "") for stream, names in usual.items()}
+        present = {
+            stream: next((name for name in names if _topic_and_frame(name)[0] in bag.types), "")
+            for stream, names in usual.items()
+        }
         chosen = {stream: name for stream, name in present.items() if name}
         if not chosen:
             names = sorted(bag.types)
@@ -95,9 +103,9 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
                 f"Expected a topic of events, images, IMU samples or poses in {path}, got "
                 f"{', '.join(names[:_TOPICS_SHOWN]) or 'none'}{more}; map topics to streams with --topics FILE.toml"
             )
-        streams = {name: stream for stream, name in chosen.items()}
+        streams = {_topic_and_frame(name)[0]: stream for stream, name in chosen.items()}
         for topic, stream in streams.items():
-            types = _types_of(stream)
+            types = TRANSFORMS if ":" in chosen[stream] else _types_of(stream)
             for other in sorted(bag.types[topic] - types):
                 raise MisuseError(
                     f"Expected {stream} of the type {' or '.join(sorted(types))} in {topic}, got {other}; map another "
@@ -111,25 +119,34 @@ def open_bag(path: Path, resolution: Resolution | None, topics: TopicMap | None)
             facts={f"topic.{stream}": topic for stream, topic in chosen.items()},
             unread=tuple(_unread(bag, chosen)),
         )
-        recording.blocks = _blocks(path, bag, streams, recording)
+        transforms = BodyTransforms(_topic_and_frame(chosen.get("pose", ""))[1])
+        recording.blocks = _blocks(path, bag, streams, transforms, recording)
         yield recording
 
 
 def _unread(bag: "_Bag", chosen: Mapping[str, str]) -> Iterator[str]:
     """Yield which other topics of a bag have messages of streams, in sentences."""
+    read_topics = {_topic_and_frame(name)[0] for name in chosen.values()}
     for topic, types in sorted(bag.types.items()):
         count = bag.message_count({topic})
         streams = [stream for stream in DEFAULT_TOPICS if types & _types_of(stream)]
-        is_compressed = _COMPRESSED in types
-        if topic in chosen.values() or not count or not (streams or is_compressed):
+        # Most bags have topics of transforms, of which few are poses of the body.
+        is_beside_poses = "pose" in chosen and types <= TRANSFORMS
+        # The compressed copy of images that are read.
+        is_copy = topic.rpartition("/")[0] in read_topics and topic.endswith(_COMPRESSED)
+        if topic in read_topics or not count or not streams or is_beside_poses or is_copy:
             continue
         held = f"{count} message{'s' * (count != 1)} of {' and '.join(sorted(types))}"
-        if is_compressed:
-            yield f"{topic} has {held}, which are not read; record the topic of the images themselves"
-        elif len(streams) == 1 and (read := chosen.get(streams[0])):
+        if len(streams) == 1 and (read := chosen.get(streams[0])):
             yield f"{streams[0]}: {read} is read, and not {topic}, which has {held}; choose with --topics FILE.toml"
         else:
             yield f"{topic} has {held} and is not read; map it to a stream with --topics FILE.toml"
+
+
+def _topic_and_frame(name: str) -> tuple[str, str]:
+    """Return a topic, and the frame behind its colon; names of topics have none."""
+    topic, _, frame = name.partition(":")
+    return topic, frame
 
 
 def _types_of(stream: str) -> frozenset[str]:
@@ -258,7 +275,9 @@ def _types(topics: Iterable[tuple[str, str]]) -> dict[str, set[str]]:
     return types
 
 
-def _blocks(path: Path, bag: _Bag, streams: Mapping[str, str], recording: Recording) -> Iterator[Block]:
+def _blocks(
+    path: Path, bag: _Bag, streams: Mapping[str, str], transforms: BodyTransforms, recording: Recording
+) -> Iterator[Block]:
     """Yield the rows of each message."""
     unstamped: set[str] = set()
     packets = EventPackets(recording, is_cdr=bag.is_cdr)
@@ -273,6 +292,10 @@ def _blocks(path: Path, bag: _Bag, streams: Mapping[str, str], recording: Record
                     recording.cameras.setdefault("events", size)
                 else:
                     message = bag.deserialised(bytes(raw), type_name)
+                    if type_name in TRANSFORMS:
+                        message = transforms.of(message, topic)
+                        if message is None:
+                            continue
                     _require_stamp(message, topic, unstamped)
                     block = READERS[stream][1](message)
             except UnreadableMessageError as error:
@@ -284,6 +307,9 @@ def _blocks(path: Path, bag: _Bag, streams: Mapping[str, str], recording: Record
                 recording.cameras.setdefault(stream, (width, height))
             if block is not None:
                 yield block
+    for topic, stream in streams.items():
+        if stream == "pose":
+            recording.unread += transforms.unread(topic)
 
 
 def _require_stamp(message: object, topic: str, unstamped: set[str]) -> None:

@@ -1,9 +1,8 @@
 """Turn messages of ROS into rows in canonical units.
 
-Sources: the definitions of ``dvs_msgs``, ``sensor_msgs``, ``geometry_msgs`` and ``nav_msgs``; REP 118 (depth images are
-metres in 32FC1 and millimetres in 16UC1); REP 103 (bodies have X forward, Y left, Z up, as the layout has); the
-definition and the README of ``event_camera_msgs``. Of the encodings of its ``EventPacket``, what the sensor sent behind
-a header of ROS, EVT3 is read, which is continued from packet to packet.
+Sources: the definitions of ``dvs_msgs``, ``sensor_msgs``, ``geometry_msgs`` and ``nav_msgs``; REP 103 (bodies have X
+forward, Y left, Z up, as the layout has); the definition and the README of ``event_camera_msgs``. Of the encodings of
+its ``EventPacket``, what the sensor sent behind a header of ROS, EVT3 is read, which continues from packet to packet.
 
 Events of packets have the clock of the sensor, and all other streams that of ROS. One offset takes the first event to
 the time of the first header, so that the intervals between events stay those of the sensor. The header is stamped when
@@ -17,45 +16,24 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import MM_PER_M, NS_PER_S, NS_PER_US
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.importing.evt3 import EVT3
 from fedora_qa.importing.recording import Block, Recording, Resolution, event_block
+from fedora_qa.importing.ros_header import UnreadableMessageError, header_time_us
+from fedora_qa.importing.ros_images import IMAGES, colour_block, depth_block
+from fedora_qa.importing.ros_transforms import TRANSFORMS
 
 EVENT_ARRAYS: Final = frozenset({"dvs_msgs/msg/EventArray", "prophesee_event_msgs/msg/EventArray"})
 """Types with the same content: a header, height, width, and events of x, y, time and polarity."""
-
-_COLOURS: Final[Mapping[str, tuple[int, tuple[int, int, int]]]] = {
-    "rgb8": (3, (0, 1, 2)), "bgr8": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)), "bgra8": (4, (2, 1, 0)),
-    "8UC3": (3, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "8UC1": (1, (0, 0, 0)),
-}  # fmt: skip
-"""By encoding: how many channels there are, and which of them are R, G, B."""
-
-_DEPTHS: Final[Mapping[str, tuple[str, float]]] = {
-    "32FC1": ("f4", MM_PER_M),
-    "16UC1": ("u2", 1.0),
-    "mono16": ("u2", 1.0),
-}
-"""By encoding: stored type, and millimetres in its unit."""
 
 # An event in ROS 1 is packed; in CDR of ROS 2 each member lies at a multiple of its own size.
 _PACKED_EVENT: Final = np.dtype([("x", "<u2"), ("y", "<u2"), ("s", "<u4"), ("ns", "<u4"), ("p", "u1")])
 _CDR_EVENT_BYTES: Final = 16
 
-_IMAGE: Final = frozenset({"sensor_msgs/msg/Image"})
-
 EVENT_PACKETS: Final = frozenset({"event_camera_msgs/msg/EventPacket"})
 
 LOST_PACKETS: Final = "packets that are missing by their numbers"
 _PACKET_ENCODING: Final = "evt3"
-
-
-class UnreadableMessageError(Exception):
-    """A message is not as its type has it, or of a form that is not read; the text completes "got"."""
-
-
-def _header_time_us(header: Any) -> int:
-    """Return the time of a header in whole us, rounded down, as all times are: their order stays."""
-    return int(header.stamp.sec) * (NS_PER_S // NS_PER_US) + int(header.stamp.nanosec) // NS_PER_US
 
 
 def event_array(raw: bytes | memoryview, *, is_cdr: bool) -> tuple[Block | None, Resolution]:
@@ -96,42 +74,13 @@ def event_array(raw: bytes | memoryview, *, is_cdr: bool) -> tuple[Block | None,
     return event_block(x, y, t_us, p != 0), (int(width), int(height))
 
 
-def _colour_block(message: Any) -> Block:
-    """Return a frame of ``sensor_msgs/Image`` as R, G, B."""
-    encoding = str(message.encoding)
-    if encoding not in _COLOURS:
-        raise UnreadableMessageError(f"colour in the encoding {encoding!r}, where {', '.join(_COLOURS)} are read")
-    channels, rgb = _COLOURS[encoding]
-    pixels = _pixels(message, np.dtype("u1"), channels)
-    return Block(
-        {
-            "path/rgb": np.ascontiguousarray(pixels[np.newaxis][..., list(rgb)]),
-            "path/rgb_ts": np.array([_header_time_us(message.header)], np.int64),
-        }
-    )
-
-
-def _depth_block(message: Any) -> Block:
-    """Return a frame of ``sensor_msgs/Image`` in mm; what is not finite, or not above 0, is invalid."""
-    encoding = str(message.encoding)
-    if encoding not in _DEPTHS:
-        raise UnreadableMessageError(f"depth in the encoding {encoding!r}, where {', '.join(_DEPTHS)} are read")
-    form, mm_per_unit = _DEPTHS[encoding]
-    stored = _pixels(message, np.dtype((">" if message.is_bigendian else "<") + form), 1)[..., 0].astype(np.float32)
-    is_valid = np.isfinite(stored) & (stored > 0)
-    depth_mm = np.where(is_valid, stored * np.float32(mm_per_unit), np.float32(np.nan))
-    return Block(
-        {"path/depth": depth_mm[np.newaxis], "path/depth_ts": np.array([_header_time_us(message.header)], np.int64)}
-    )
-
-
 def _imu_block(message: Any) -> Block:
     """Return a sample of ``sensor_msgs/Imu``."""
     return Block(
         {
             "path/imu/angular_velocity": _vector(message.angular_velocity, "xyz"),
             "path/imu/linear_acceleration": _vector(message.linear_acceleration, "xyz"),
-            "path/imu/ts": np.array([_header_time_us(message.header)], np.int64),
+            "path/imu/ts": np.array([header_time_us(message.header)], np.int64),
         }
     )
 
@@ -147,14 +96,14 @@ def _pose_block(message: Any) -> Block:
         {
             "path/pose/position": _vector(position, "xyz"),
             "path/pose/orientation": _vector(orientation, "xyzw"),
-            "path/pose/ts": np.array([_header_time_us(message.header)], np.int64),
+            "path/pose/ts": np.array([header_time_us(message.header)], np.int64),
         }
     )
 
 
 READERS: Final[Mapping[str, tuple[frozenset[str], Callable[[Any], Block]]]] = {
-    "rgb": (_IMAGE, _colour_block),
-    "depth": (_IMAGE, _depth_block),
+    "rgb": (IMAGES, colour_block),
+    "depth": (IMAGES, depth_block),
     "imu": (frozenset({"sensor_msgs/msg/Imu"}), _imu_block),
     "pose": (
         frozenset(
@@ -162,22 +111,12 @@ READERS: Final[Mapping[str, tuple[frozenset[str], Callable[[Any], Block]]]] = {
                 "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped",
                 "geometry_msgs/msg/TransformStamped", "nav_msgs/msg/Odometry",
             }
-        ),
+        )
+        | TRANSFORMS,
         _pose_block,
     ),
 }  # fmt: skip
 """By stream: the types of messages that are read, and what reads them. Events are read from their bytes."""
-
-
-def _pixels(message: Any, item: np.dtype[Any], channels: int) -> NDArray[Any]:
-    """Return the pixels (height, width, channels) of an image whose lines may be padded."""
-    height, width, step = int(message.height), int(message.width), int(message.step)
-    data = np.frombuffer(np.asarray(message.data, np.uint8), np.uint8)
-    line_bytes = width * channels * item.itemsize
-    if height <= 0 or width <= 0 or step < line_bytes or len(data) < height * step:
-        raise UnreadableMessageError(f"an image of {width} x {height} with {len(data)} bytes in lines of {step}")
-    lines = data[: height * step].reshape(height, step)[:, :line_bytes]
-    return np.ascontiguousarray(lines).view(item).reshape(height, width, channels)
 
 
 def _vector(members: Any, names: str) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -182,7 +183,7 @@ def left_out(numbers: NDArray[Any]) -> int | None:
 def image_form(path: Path) -> ImageForm:
     """Return size and type of an image from its header; raises ``SourceError`` or ``OSError``."""
     with path.open("rb") as file:
-        return _form(path, file)
+        return _form(path.name, file)
 
 
 def read_image(path: Path, expected: ImageForm) -> NDArray[Any]:
@@ -195,21 +196,41 @@ def read_image(path: Path, expected: ImageForm) -> NDArray[Any]:
     OSError
         The file cannot be read.
     """
-    import cv2  # noqa: PLC0415 - slow to load, and few sequences need it here
-
     size = path.stat().st_size
     if size > LARGEST_BYTES:
         raise SourceError(
             "too_large", "wrong_shape", f"Expected {path.name} in {LARGEST_BYTES} bytes at most, got {size}"
         )
-    form, content = image_form(path), path.read_bytes()
+    return decoded_image(path.name, path.read_bytes(), expected)
+
+
+def decoded_image(name: str, content: bytes, expected: ImageForm | None = None) -> NDArray[Any]:
+    """Decode the bytes of a PNG or JPEG image, channels in the order R, G, B.
+
+    Parameters
+    ----------
+    name
+        Of the image, for errors.
+    content
+        Its bytes.
+    expected
+        Size and type; None: any.
+
+    Raises
+    ------
+    SourceError
+        It is damaged, too large, or of another size or type than expected.
+    """
+    import cv2  # noqa: PLC0415 - slow to load, and few sequences need it here
+
+    form = _form(name, BytesIO(content))
     # First: a damaged header may state another size.
-    (_require_sound_png if content.startswith(_PNG) else _require_sound_jpeg)(path, content)
-    if form != expected:
-        raise SourceError("wrong_shape", "wrong_shape", f"Expected {path.name} of {expected}, got {form}")
+    (_require_sound_png if content.startswith(_PNG) else _require_sound_jpeg)(name, content)
+    if expected is not None and form != expected:
+        raise SourceError("wrong_shape", "wrong_shape", f"Expected {name} of {expected}, got {form}")
     stored = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     if stored is None or stored.shape != form.shape or stored.dtype != np.dtype(form.dtype):
-        raise SourceError("unreadable", "corrupt_chunk", f"Expected {path.name} to decode, got a damaged image")
+        raise SourceError("unreadable", "corrupt_chunk", f"Expected {name} to decode, got a damaged image")
     if stored.ndim == 3:
         # OpenCV returns B, G, R and transparency last.
         order = cv2.COLOR_BGR2RGB if stored.shape[2] == 3 else cv2.COLOR_BGRA2RGBA
@@ -217,34 +238,32 @@ def read_image(path: Path, expected: ImageForm) -> NDArray[Any]:
     return np.asarray(stored)
 
 
-def _form(path: Path, file: BinaryIO) -> ImageForm:
+def _form(name: str, file: BinaryIO) -> ImageForm:
     start = file.read(33)
     if start.startswith(_PNG):
         if len(start) < 33 or start[12:16] != b"IHDR":
             raise SourceError(
-                "unreadable", "truncated", f"Expected the header of a PNG in {path.name}, got {len(start)} bytes"
+                "unreadable", "truncated", f"Expected the header of a PNG in {name}, got {len(start)} bytes"
             )
         width, height, bits, colour = struct.unpack(">IIBB", start[16:26])
         channels = _CHANNELS.get(colour, 0)
         dtype = "uint16" if bits == 16 else "uint8"
     elif start.startswith(b"\xff\xd8"):
         file.seek(0)
-        width, height, channels = _jpeg_size(path, file.read(_LONGEST_JPEG_HEADER))
+        width, height, channels = _jpeg_size(name, file.read(_LONGEST_JPEG_HEADER))
         dtype = "uint8"
     else:
-        raise SourceError(
-            "unreadable", "corrupt_chunk", f"Expected a PNG or JPEG image, got something else: {path.name}"
-        )
+        raise SourceError("unreadable", "corrupt_chunk", f"Expected a PNG or JPEG image, got something else: {name}")
     if not channels:
-        message = f"Expected {path.name} as a grey or colour image, got channels that are not read; convert it to RGB"
+        message = f"Expected {name} as a grey or colour image, got channels that are not read; convert it to RGB"
         raise SourceError("wrong_shape", "wrong_shape", message)
     if not 0 < width * height <= LARGEST_PIXELS:
-        message = f"Expected {path.name} in {LARGEST_PIXELS} pixels at most, got {width} x {height}"
+        message = f"Expected {name} in {LARGEST_PIXELS} pixels at most, got {width} x {height}"
         raise SourceError("too_large", "wrong_shape", message)
     return ImageForm((height, width) if channels == 1 else (height, width, channels), dtype)
 
 
-def _jpeg_size(path: Path, content: bytes) -> tuple[int, int, int]:
+def _jpeg_size(name: str, content: bytes) -> tuple[int, int, int]:
     at = 2
     while at + 10 <= len(content) and content[at] == 0xFF:
         marker, length = content[at + 1], int.from_bytes(content[at + 2 : at + 4], "big")
@@ -253,30 +272,27 @@ def _jpeg_size(path: Path, content: bytes) -> tuple[int, int, int]:
             height, width, components = struct.unpack(">HHB", content[at + 5 : at + 10])
             return width, height, {1: 1, 3: 3}.get(components, 0)
         at += 2 + length
-    raise SourceError("unreadable", "truncated", f"Expected the size of the image in {path.name}, got no such segment")
+    raise SourceError("unreadable", "truncated", f"Expected the size of the image in {name}, got no such segment")
 
 
-def _require_sound_png(path: Path, content: bytes) -> None:
+def _require_sound_png(name: str, content: bytes) -> None:
     """Refuse a PNG whose chunks do not reach its end, or differ from their checksums (PNG 1.2, 3.2)."""
-    at, name = len(_PNG), b""
-    while name != b"IEND":
+    at, part = len(_PNG), b""
+    while part != b"IEND":
         length = int.from_bytes(content[at : at + 4], "big")
         stop = at + 12 + length
-        name = content[at + 4 : at + 8]
-        if len(name) < 4 or stop > len(content):
+        part = content[at + 4 : at + 8]
+        if len(part) < 4 or stop > len(content):
             raise SourceError(
-                "unreadable", "truncated", f"Expected {path.name} to be complete, got an image that is cut off"
+                "unreadable", "truncated", f"Expected {name} to be complete, got an image that is cut off"
             )
         if zlib.crc32(memoryview(content)[at + 4 : stop - 4]) != int.from_bytes(content[stop - 4 : stop], "big"):
-            part = ascii(name)[2:-1]
-            message = f"Expected {path.name} to match its checksums, got another in its part {part}"
+            message = f"Expected {name} to match its checksums, got another in its part {ascii(part)[2:-1]}"
             raise SourceError("unreadable", "corrupt_chunk", message)
         at = stop
 
 
-def _require_sound_jpeg(path: Path, content: bytes) -> None:
+def _require_sound_jpeg(name: str, content: bytes) -> None:
     # Cameras pad with zeros behind the marker of the end.
     if not content.rstrip(b"\0").endswith(b"\xff\xd9"):
-        raise SourceError(
-            "unreadable", "truncated", f"Expected {path.name} to be complete, got an image that is cut off"
-        )
+        raise SourceError("unreadable", "truncated", f"Expected {name} to be complete, got an image that is cut off")

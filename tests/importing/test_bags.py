@@ -4,7 +4,9 @@ import json
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
+import cv2
 import h5py
 import numpy as np
 import pytest
@@ -133,6 +135,62 @@ def test_depth_in_millimetres(tmp_path: Path) -> None:
         np.testing.assert_array_equal(file["path/depth"][0], [[np.nan, 1500], [65535, 1]])
 
 
+@pytest.mark.parametrize("form", FORMS[:2])
+def test_compressed_images(form: str, tmp_path: Path) -> None:
+    """The topics of image_transport: colour in JPEG and grey in PNG, depth in PNG behind a header."""
+    shades = np.repeat(np.linspace(0, 255, 16).astype(np.uint8)[None], 16, axis=0)
+    colours = np.stack([shades, shades.T, 255 - shades], axis=-1)
+    millimetres = np.array([[0, 1500], [65535, 1]], np.uint16)
+    bag, topic = Bag(form), "/camera/rgb/image_raw/compressed"
+    bag.add_compressed(topic, 5, "rgb8; jpeg compressed bgr8", encoded(".jpg", colours[..., ::-1]))
+    bag.add_compressed(topic, 6, "mono8; png compressed ", encoded(".png", shades))
+    for us, header in ((5, bytes(12)), (6, b"")):
+        content = header + encoded(".png", millimetres)
+        bag.add_compressed("/camera/depth/image_raw/compressedDepth", us, "16UC1; compressedDepth png", content)
+    assert imported(bag.write(tmp_path), tmp_path / "out.h5").rows == {"rgb": 2, "depth": 2}
+    with h5py.File(tmp_path / "out.h5") as file:
+        # Of JPEG at quality 95: steps of the quantisation of a few DN, and chroma at half the resolution.
+        assert np.abs(file["path/rgb"][0].astype(int) - colours).max() < 20
+        np.testing.assert_array_equal(file["path/rgb"][1], np.stack([shades] * 3, axis=-1))
+        for row in range(2):
+            np.testing.assert_array_equal(file["path/depth"][row], [[np.nan, 1500], [65535, 1]])
+
+
+def encoded(ending: str, pixels: np.ndarray[Any, Any]) -> bytes:
+    return bytes(cv2.imencode(ending, pixels)[1])
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("child", "topics"), [("base_link", None), ("/base_link", None), ("drone", "/tf:drone")])
+def test_poses_among_transforms(child: str, topics: str | None, form: str, tmp_path: Path) -> None:
+    """The body is ``base_link``, or the frame that a map names; transforms of other frames are none of its poses."""
+    bag = Bag(form)
+    for us in (5, 10):
+        bag.add_transforms(us, [("base", "camera", (9.0, 9.0, 9.0)), ("world", child, (us, 2.0, 3.0))])
+        bag.add_transforms(us, [("base", "camera", (9.0, 9.0, 9.0))])
+    options = ImportOptions(topics={"pose": (topics,)} if topics else None)
+    done = imported(bag.write(tmp_path), tmp_path / "out.h5", options)
+    assert (done.rows, done.unread) == ({"pose": 2}, ())
+    with h5py.File(tmp_path / "out.h5") as file:
+        np.testing.assert_array_equal(file["path/pose/position"], [[5.0, 2.0, 3.0], [10.0, 2.0, 3.0]])
+        np.testing.assert_array_equal(file["path/pose/ts"], [5, 10])
+
+
+def test_transforms_without_the_body_are_named(tmp_path: Path) -> None:
+    """The sentence states the frames there are; beside poses on a topic of their own, transforms are not mentioned."""
+    bag = Bag("ros1")
+    bag.add_imu(5, (0, 0, 0), (0, 0, 0))
+    bag.add_transforms(5, [("world", "drone", (1.0, 2.0, 3.0)), ("drone", "camera", (0.0, 0.0, 0.0))])
+    done = imported(bag.write(tmp_path), tmp_path / "out.h5")
+    assert done.rows == {"imu": 1}
+    assert done.unread == (
+        '/tf has transforms of camera, drone, and none of base_link; choose by pose = "/tf:FRAME" in --topics '
+        "FILE.toml",
+    )
+    bag.add_pose(5, POSES[0], (0, 0, 0), (0, 0, 0, 1))
+    assert imported(bag.write(tmp_path, "posed"), tmp_path / "posed.h5").unread == ()
+
+
 def test_topics_of_ones_own(tmp_path: Path) -> None:
     """A file maps topics; streams that it leaves out are not read."""
     bag = flight("ros1")
@@ -146,21 +204,21 @@ def test_topics_of_ones_own(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_topics_that_are_not_read_are_named(form: str, tmp_path: Path) -> None:
-    """Of types that are read, where no stream or another topic is read; and images that are compressed."""
+    """Of types that are read, where no stream or another topic is read; and no copy of images that are read."""
     bag = flight(form)
     assert imported(bag.write(tmp_path, "whole"), tmp_path / "whole.h5").unread == ()
     bag.add_events([(9, 9, 9, 1)], topic="/cam0/events")
     bag.add_image("/right/image", 5, "mono8", COLOURS[..., :1])
-    image = bag.make("sensor_msgs/msg/CompressedImage", bag.header(5), "jpeg", np.zeros(4, np.uint8))
     for us in (5, 6):
-        bag.add("/camera/rgb/image_raw/compressed", "sensor_msgs/msg/CompressedImage", us, image)
+        bag.add_compressed("/camera/rgb/image_raw/compressed", us, "jpeg", b"")
+        bag.add_compressed("/other/compressed", us, "jpeg", b"")
     done = imported(bag.write(tmp_path), tmp_path / "out.h5")
     events, plain = "dvs_msgs/msg/EventArray", "sensor_msgs/msg/Image"
     assert done.unread == (
         f"events: /dvs/events is read, and not /cam0/events, which has 1 message of {events}; choose with --topics "
         "FILE.toml",
-        "/camera/rgb/image_raw/compressed has 2 messages of sensor_msgs/msg/CompressedImage, which are not read; "
-        "record the topic of the images themselves",
+        "/other/compressed has 2 messages of sensor_msgs/msg/CompressedImage and is not read; map it to a stream with "
+        "--topics FILE.toml",
         f"/right/image has 1 message of {plain} and is not read; map it to a stream with --topics FILE.toml",
     )
     assert tuple(import_lines(done, tmp_path / "out.h5"))[-3:] == done.unread
@@ -212,6 +270,19 @@ def depth_as_colour(bag: Bag) -> None:
     bag.add_image("/camera/depth/image_raw", 5, "rgb8", COLOURS)
 
 
+def cut_image(bag: Bag) -> None:
+    bag.add_compressed("/camera/rgb/image_raw/compressed", 5, "jpeg", encoded(".jpg", COLOURS)[:-9])
+
+
+def inverse_depth(bag: Bag) -> None:
+    bag.add_compressed("/camera/depth/image_raw/compressedDepth", 5, "32FC1; compressedDepth png", b"")
+
+
+def two_parents(bag: Bag) -> None:
+    for parent in ("world", "map"):
+        bag.add_transforms(5, [(parent, "base_link", (0.0, 0.0, 0.0))])
+
+
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
     ("fill", "part"),
@@ -222,6 +293,9 @@ def depth_as_colour(bag: Bag) -> None:
         (backwards, "do not decrease"),
         (bayer, "'bayer_rggb8'"),
         (depth_as_colour, "depth in the encoding 'rgb8'"),
+        (cut_image, "an image that is cut off"),
+        (inverse_depth, "32FC1; compressedDepth png"),
+        (two_parents, "got world and map; map another topic or frame"),
     ],
 )
 def test_refused(fill, part: str, form: str, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]

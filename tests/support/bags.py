@@ -19,6 +19,7 @@ EVENT_PACKET = (
     "std_msgs/Header header\nuint32 height\nuint32 width\nuint64 seq\nuint64 time_base\nstring encoding\n"
     "bool is_bigendian\nuint8[] events\n"
 )
+TRANSFORMS = "geometry_msgs/TransformStamped[] transforms\n"
 FORMS = ("ros1", "sqlite", "mcap")
 
 
@@ -39,6 +40,8 @@ class Bag:
                 **get_types_from_msg(EVENT_PACKET, "event_camera_msgs/msg/EventPacket"),
             }
         )
+        if form == "ros1":  # the store of ROS 2 has it
+            self.store.register(get_types_from_msg(TRANSFORMS, "tf2_msgs/msg/TFMessage"))
 
     def make(self, kind: str, *values: Any) -> Any:
         return self.store.types[kind](*values)
@@ -70,6 +73,20 @@ class Bag:
             "sensor_msgs/msg/Image", self.header(us), *pixels.shape[:2], encoding, 0, data.shape[1], data.reshape(-1)
         )
         self.add(topic, "sensor_msgs/msg/Image", us, image)
+
+    def add_compressed(self, topic: str, us: int, form: str, content: bytes) -> None:
+        kind = "sensor_msgs/msg/CompressedImage"
+        self.add(topic, kind, us, self.make(kind, self.header(us), form, np.frombuffer(content, np.uint8)))
+
+    def add_transforms(self, us: int, placed: Sequence[tuple[str, str, Sequence[float]]], topic: str = "/tf") -> None:
+        """Add one message with the transforms (parent, child, position), each turned by nothing."""
+        orientation = self.make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
+        made = []
+        for parent, child, position in placed:
+            vector = self.make("geometry_msgs/msg/Vector3", *position)
+            transform = self.make("geometry_msgs/msg/Transform", vector, orientation)
+            made.append(self.make("geometry_msgs/msg/TransformStamped", self.header(us, parent), child, transform))
+        self.add(topic, "tf2_msgs/msg/TFMessage", us, self.make("tf2_msgs/msg/TFMessage", made))
 
     def add_imu(self, us: int, rate: Sequence[float], force: Sequence[float], topic: str = "/imu") -> None:
         vector = "geometry_msgs/msg/Vector3"
