@@ -497,7 +497,7 @@ Form = Literal["hdf5", "images", "text", "array", "document"]
 
 FORMS: Final[Mapping[str, Form]] = {
     ".h5": "hdf5", ".hdf5": "hdf5",
-    ".png": "images", ".jpg": "images", ".jpeg": "images",
+    ".png": "images", ".jpg": "images", ".jpeg": "images", ".exr": "images",
     ".txt": "text", ".csv": "text", ".tum": "text",
     ".npy": "array", ".npz": "array",
     ".yaml": "document", ".yml": "document", ".toml": "document", ".json": "document",

@@ -1,4 +1,4 @@
-"""Images as rows: a folder of them, in the order of the numbers in their names; and PNG and JPEG files.
+"""Images as rows: a folder of them, in the order of the numbers in their names; and PNG, JPEG and OpenEXR files.
 
 What an image states is known, and its bytes are whole, before OpenCV decodes it. OpenCV fills what is missing of a
 damaged image with grey and states nothing. So the checksums of PNG, and the end of JPEG, are tested here.
@@ -17,6 +17,7 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.sources import exr
 from fedora_qa.sources.source import SourceError
 
 LARGEST_PIXELS: Final = 1 << 25
@@ -51,7 +52,8 @@ class ImageForm:
 
     def __str__(self) -> str:
         height, width, *channels = self.shape
-        kind = {1: "grey", 3: "colour", 4: "colour with transparency"}[channels[0] if channels else 1]
+        count = channels[0] if channels else 1
+        kind = {1: "grey", 3: "colour", 4: "colour with transparency"}.get(count, f"in {count} channels")
         return f"{width} x {height} pixels, {8 * np.dtype(self.dtype).itemsize}-bit {kind}"
 
 
@@ -80,7 +82,7 @@ class Images:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """8 or 16 bits."""
+        """Whole numbers of 8 or 16 bits; of OpenEXR floats of 16 or 32 bits."""
         return np.dtype(self.form.dtype)
 
     @property
@@ -183,7 +185,12 @@ def left_out(numbers: NDArray[Any]) -> int | None:
 def image_form(path: Path) -> ImageForm:
     """Return size and type of an image from its header; raises ``SourceError`` or ``OSError``."""
     with path.open("rb") as file:
-        return _form(path.name, file)
+        if file.read(len(exr.MAGIC)) != exr.MAGIC:
+            file.seek(0)
+            return _form(path.name, file)
+    header = exr.exr_header(path)
+    _require_size(path.name, header.width, header.height)
+    return ImageForm(header.shape, header.dtype)
 
 
 def read_image(path: Path, expected: ImageForm) -> NDArray[Any]:
@@ -201,7 +208,11 @@ def read_image(path: Path, expected: ImageForm) -> NDArray[Any]:
         raise SourceError(
             "too_large", "wrong_shape", f"Expected {path.name} in {LARGEST_BYTES} bytes at most, got {size}"
         )
-    return decoded_image(path.name, path.read_bytes(), expected)
+    content = path.read_bytes()
+    if not content.startswith(exr.MAGIC):
+        return decoded_image(path.name, content, expected)
+    _require_form(path.name, image_form(path), expected)
+    return exr.read_exr(path)
 
 
 def decoded_image(name: str, content: bytes, expected: ImageForm | None = None) -> NDArray[Any]:
@@ -226,8 +237,8 @@ def decoded_image(name: str, content: bytes, expected: ImageForm | None = None) 
     form = _form(name, BytesIO(content))
     # First: a damaged header may state another size.
     (_require_sound_png if content.startswith(_PNG) else _require_sound_jpeg)(name, content)
-    if expected is not None and form != expected:
-        raise SourceError("wrong_shape", "wrong_shape", f"Expected {name} of {expected}, got {form}")
+    if expected is not None:
+        _require_form(name, form, expected)
     stored = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     if stored is None or stored.shape != form.shape or stored.dtype != np.dtype(form.dtype):
         raise SourceError("unreadable", "corrupt_chunk", f"Expected {name} to decode, got a damaged image")
@@ -236,6 +247,17 @@ def decoded_image(name: str, content: bytes, expected: ImageForm | None = None) 
         order = cv2.COLOR_BGR2RGB if stored.shape[2] == 3 else cv2.COLOR_BGRA2RGBA
         stored = cv2.cvtColor(stored, order)
     return np.asarray(stored)
+
+
+def _require_form(name: str, form: ImageForm, expected: ImageForm) -> None:
+    if form != expected:
+        raise SourceError("wrong_shape", "wrong_shape", f"Expected {name} of {expected}, got {form}")
+
+
+def _require_size(name: str, width: int, height: int) -> None:
+    if not 0 < width * height <= LARGEST_PIXELS:
+        message = f"Expected {name} in {LARGEST_PIXELS} pixels at most, got {width} x {height}"
+        raise SourceError("too_large", "wrong_shape", message)
 
 
 def _form(name: str, file: BinaryIO) -> ImageForm:
@@ -253,13 +275,13 @@ def _form(name: str, file: BinaryIO) -> ImageForm:
         width, height, channels = _jpeg_size(name, file.read(_LONGEST_JPEG_HEADER))
         dtype = "uint8"
     else:
-        raise SourceError("unreadable", "corrupt_chunk", f"Expected a PNG or JPEG image, got something else: {name}")
+        raise SourceError(
+            "unreadable", "corrupt_chunk", f"Expected a PNG, JPEG or OpenEXR image, got something else: {name}"
+        )
     if not channels:
         message = f"Expected {name} as a grey or colour image, got channels that are not read; convert it to RGB"
         raise SourceError("wrong_shape", "wrong_shape", message)
-    if not 0 < width * height <= LARGEST_PIXELS:
-        message = f"Expected {name} in {LARGEST_PIXELS} pixels at most, got {width} x {height}"
-        raise SourceError("too_large", "wrong_shape", message)
+    _require_size(name, width, height)
     return ImageForm((height, width) if channels == 1 else (height, width, channels), dtype)
 
 

@@ -17,6 +17,7 @@ from fedora_qa.sources import images
 from fedora_qa.sources.images import ImageForm, read_image
 from fedora_qa.storage.digest import file_digest
 from fedora_qa.storage.folder import local_version
+from tests.sources.test_exr import write_exr
 from tests.support.dsec_folder import write_dsec_folder, write_png
 from tests.support.handmade import write_handmade
 
@@ -81,6 +82,28 @@ def test_every_format_is_a_source(folder: Path, dialect: Path) -> None:
         assert sequence.rows("path/pose/ts", 0, 3).tolist() == [0, 20_000_000, 40_000_000]
         np.testing.assert_array_equal(sequence.rows("path/pose/orientation", 0, 3), [[0, 0, 0, 1]] * 3)
         assert sequence.rows("path/events/t", 0, 2).tolist() == [10_000, 20_000]
+
+
+def test_images_of_renderers_are_sources(folder: Path, tmp_path: Path) -> None:
+    """Depth in m and two of four channels of motion, in OpenEXR: 1e10 m is the sky of Blender."""
+    for name in ("depth_exr", "vectors"):
+        (folder / name).mkdir()
+    for number in range(2):
+        write_exr(folder / f"depth_exr/{number:04}.exr", {"Z": np.array([[1e10, 1.5 + number]], np.float32)})
+        channels = {axis: np.full((1, 2), value + number, np.float32) for value, axis in enumerate("XYZW")}
+        write_exr(folder / f"vectors/{number:04}.exr", channels)
+    text = MINE.replace('depth = "depth/*.npy"', 'depth = "depth_exr/*.exr"\nvectors = "vectors/*.exr"')
+    text = text.replace("invalid = 0.0", "invalid = 1e10")
+    text += """"path/flow/25hz" = { file = "vectors", columns = [1, 2] }
+"path/flow/25hz_ts" = { file = "data", path = "flow_ts" }
+"""
+    (tmp_path / "renderer.toml").write_text(text)
+    with h5py.File(folder / "run7_data.h5", "a") as file:
+        file["flow_ts"] = np.array([[0, 40_000], [40_000, 80_000]])
+    with open_sequence(folder, load_dialect(tmp_path / "renderer.toml")) as sequence:
+        np.testing.assert_array_equal(sequence.rows("path/depth", 0, 2)[:, 0], [[np.nan, 1500.0], [np.nan, 2500.0]])
+        # By name: W, X, Y, Z.
+        np.testing.assert_array_equal(sequence.rows("path/flow/25hz", 1, 2)[0, 0], [[1.0, 2.0], [1.0, 2.0]])
 
 
 @pytest.mark.parametrize(
