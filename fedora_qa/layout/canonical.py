@@ -207,6 +207,8 @@ _ATTRIBUTES: Final = (
     AttributeSpec("metadata/events", "threshold_on", "float", "nat or DN", True, "contrast threshold, brighter"),
     AttributeSpec("metadata/events", "threshold_off", "float", "nat or DN", True, "contrast threshold, darker"),
     AttributeSpec("metadata/events", "log_eps_dn", "float", "DN", False, "L = ln(Y + log_eps_dn), 0 by default"),
+    AttributeSpec("metadata/events", "linear_below_dn", "float", "DN", False,
+                  "T of lin-log: L = (Y + log_eps_dn) ln(T) / T below T; 0 by default: L is ln"),
     AttributeSpec("metadata/events", "initial_phase", "text", "", False, "first reference level", ("zero", "uniform"),
                   is_open=True),
     AttributeSpec("metadata/events", "packet_interval_us", "int", "us", False, "0: asynchronous"),

@@ -76,6 +76,8 @@ class EventModel:
         Contrast thresholds of brighter and of darker events, nat (``log``) or DN (``linear``).
     log_eps_dn
         Added to luma before the logarithm, DN.
+    linear_below_dn
+        T of the lin-log response: below, L is linear in luma. DN; 0 for none, as any value that is not above 1.
     packet_interval_us
         Interval of packets, us; 0 for none.
     threshold_sigma
@@ -96,6 +98,7 @@ class EventModel:
     threshold_on: float
     threshold_off: float
     log_eps_dn: float = 0.0
+    linear_below_dn: float = 0.0
     packet_interval_us: int = 0
     threshold_sigma: float = 0.0
     leak_rate_hz: float = 0.0
@@ -105,6 +108,11 @@ class EventModel:
     hot_pixels: tuple[tuple[int, int], ...] = ()
     hot_pixel_rate_hz: float = 0.0
     initial_phase: str = "uniform"
+
+    @property
+    def is_lin_log(self) -> bool:
+        """Whether the response is linear in the dark, and logarithmic in light."""
+        return self.model == "log" and self.linear_below_dn > 1.0
 
 
 @dataclass(frozen=True, slots=True)

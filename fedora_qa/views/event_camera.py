@@ -12,6 +12,7 @@ from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.clocks.grid import crowded_step_ns
 from fedora_qa.estimators.events.footprint import FootprintAxis, Footprints, footprint_axis
+from fedora_qa.estimators.events.lin_log import logarithmic_light, logarithmic_light_error
 from fedora_qa.estimators.events.orientation import LEAST_LIGHT
 from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel, count_between_frames
 from fedora_qa.record.types import Where
@@ -241,7 +242,8 @@ class ResampledFrames:
     frames, times_ns
         (n,) rows and timestamps, ns from the file's origin.
     edge_aware_dn, uniform_dn
-        (n, h, w) luma by the two reconstructions of ``footprint``, in single precision: 1e-4 DN.
+        (n, h, w) luma by the two reconstructions of ``footprint``, in single precision: 1e-4 DN. Of a lin-log sensor,
+        the light whose logarithm is its response (``logarithmic_light``).
     error_dn
         (n, h, w) bound of the error of ``uniform_dn``, DN; infinite where a pixel is saturated or outside the frame.
     counts
@@ -530,6 +532,13 @@ def _resample_into(
     edge_aware, uniform, error = target
     rounding_dn = ROUNDING_DN[window.facts.declared.transfer]
     footprints.resample(luma, clipped_px, rounding_dn, edge_aware=edge_aware, uniform=uniform, error=error)
+    response = window.facts.declared.events
+    if response is not None and response.is_lin_log:
+        # From here on the sensor is a logarithmic one, of ln(light + log_eps).
+        eps_dn, below_dn = response.log_eps_dn, response.linear_below_dn
+        error[:] = logarithmic_light_error(uniform + eps_dn, error, below_dn)
+        for light in (edge_aware, uniform):
+            light[:] = logarithmic_light(light + eps_dn, below_dn) - eps_dn
     return target
 
 

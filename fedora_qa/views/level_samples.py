@@ -5,7 +5,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, log
 from typing import Final
 
 import numpy as np
@@ -388,7 +388,11 @@ def least_dn(window: Window, declared: EventModel) -> float:
     # The standard deviation of rounding, uniform over a step, over the level is that of its logarithm.
     sigma_dn = 2 * ROUNDING_DN[window.facts.declared.transfer] / np.sqrt(12.0)
     contrast = ROUNDING_SHARE * min(declared.threshold_on, declared.threshold_off)
-    return float(max(sigma_dn / contrast - declared.log_eps_dn, _DARKEST_DN))
+    least = max(sigma_dn / contrast - declared.log_eps_dn, _DARKEST_DN)
+    if declared.is_lin_log and sigma_dn * log(declared.linear_below_dn) / declared.linear_below_dn > contrast:
+        # In the linear part the slope of the level, ln(T) / T, does not depend on luma.
+        least = max(least, declared.linear_below_dn - declared.log_eps_dn)
+    return float(least)
 
 
 def _level_samples(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:

@@ -155,6 +155,9 @@ class Scene:
         # And so has one without distortion.
         if self.camera.distortion_model == "none":
             del values["camera"]["distortion_model"], values["camera"]["distortion"]
+        # And one whose sensor is not lin-log.
+        if not self.events.linear_below_dn:
+            del values["events"]["linear_below_dn"]
         document = json.dumps(values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(document.encode()).hexdigest()
 

@@ -155,6 +155,8 @@ def write_events(file: h5py.File, scene: Scene, hot_pixels: NDArray[np.int64]) -
     group = file.require_group("metadata/events")
     _set(group, {name: getattr(scene.events, name) for name in EVENT_ATTRIBUTES})
     _set(group, {"polarity": "1=brighter"})
+    if scene.events.linear_below_dn:
+        _set(group, {"linear_below_dn": scene.events.linear_below_dn})
     if len(hot_pixels):
         _set(group, {"hot_pixels": hot_pixels})
 

@@ -3,6 +3,7 @@
 The mean of a cosine over a pixel is the cosine times two sincs, so frames and event pixels are exact at any size.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -127,19 +128,26 @@ def _dense(taps: FootprintTaps, size: int) -> Floats:
 
 
 def log_events(
-    world: Waves, shape: tuple[int, int], stop_ns: int, on: float = 0.2, off: float = 0.2, *, phase: float = 1.0
+    world: Waves,
+    shape: tuple[int, int],
+    stop_ns: int,
+    on: float = 0.2,
+    off: float = 0.2,
+    *,
+    phase: float = 1.0,
+    response: Callable[[Floats], Floats] = np.log,
 ) -> Stream:
     """Crossings of L = ln Y, a straight line within 0.2 ms, stamped with the first microsecond not before them.
 
-    The first reference is off the signal by up to ``phase`` thresholds.
+    The first reference is off the signal by up to ``phase`` thresholds. Another ``response`` takes the place of ln.
     """
     rng = np.random.default_rng(1)
-    signal = np.log(world.luma(0.0, shape)).ravel()
+    signal = response(world.luma(0.0, shape)).ravel()
     reference = signal - phase * rng.uniform(-off, on, signal.size)
     found: list[Floats] = []
     for start_ns in range(0, stop_ns, STEP_NS):
         stop_s = (start_ns + STEP_NS) * 1e-9
-        following = np.log(world.luma(stop_s, shape)).ravel() + world.leak_nat_s * stop_s
+        following = response(world.luma(stop_s, shape)).ravel() + world.leak_nat_s * stop_s
         while True:
             up, down = following >= reference + on, following <= reference - off
             hit = np.flatnonzero(up | down)

@@ -155,6 +155,16 @@ def test_log_eps_is_added_before_the_logarithm() -> None:
     np.testing.assert_array_equal(events.t_us, np.ceil(np.array([0.2, 0.4, 0.6]) / np.log(2) * 1_000))
 
 
+def test_lin_log_is_linear_in_the_dark() -> None:
+    """With T = 20 DN, L rises from 0 to ln 20 at 20 DN on a line, and as the logarithm from there on."""
+    sensor = sensor_for(np.zeros((1, 1)), linear_below_dn=20.0)
+    events = play(sensor, [0, MS, 2 * MS], [np.full((1, 1), value) for value in (0.0, 20.0, 40.0)])
+    # Multiples of 0.2: fourteen of them are below ln 20 = 2.996, and three more below ln 40 = 3.689.
+    rises = 0.2 * np.arange(1, 19)
+    times_ms = np.where(rises <= np.log(20), rises / np.log(20), 1 + (rises - np.log(20)) / np.log(2))
+    np.testing.assert_array_equal(events.t_us, np.ceil(times_ms * 1000))
+
+
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
@@ -162,6 +172,7 @@ def test_log_eps_is_added_before_the_logarithm() -> None:
         ({"threshold_off": -0.2}, "threshold_off"),
         ({"threshold_on": float("nan")}, "threshold_on"),
         ({"shot_rate_hz": -1.0}, "shot_rate_hz"),
+        ({"linear_below_dn": 1.0}, "linear_below_dn"),
         ({"model": "cubic"}, "model"),
         ({"initial_phase": "random"}, "initial_phase"),
     ],

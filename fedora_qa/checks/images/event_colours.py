@@ -111,6 +111,9 @@ def _colour_sums(window: Window) -> ColourSums | None:
     refractory_ns = int(2 * declared.refractory_us * NS_PER_US)
     # Where rounding is small against a threshold: not saturated, not declared hot.
     darkest_dn, hot = least_dn(window, declared), hot_pixels(declared, frames)
+    if declared.is_lin_log:
+        # The regression has the secants of the logarithm.
+        darkest_dn = max(darkest_dn, declared.linear_below_dn - declared.log_eps_dn)
     light = frames.uniform_dn, frames.uniform_dn, frames.error_dn, darkest_dn, hot
     pairs = level_pairs(
         pixel_events(window),

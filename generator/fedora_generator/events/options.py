@@ -22,6 +22,8 @@ class EventSensorOptions:
         Contrast thresholds, nat (log) or DN (linear).
     log_eps_dn
         DN added before the logarithm.
+    linear_below_dn
+        T, DN: below, the response is (luma + log_eps_dn) ln(T) / T (lin-log); 0: the logarithm throughout.
     initial_phase
         ``zero``: the first reference is the first signal. ``uniform``: the first reference is such that the signal
         lies anywhere between its two thresholds, as in a pixel that has been running.
@@ -47,6 +49,7 @@ class EventSensorOptions:
     threshold_on: float
     threshold_off: float
     log_eps_dn: float = 0.0
+    linear_below_dn: float = 0.0
     initial_phase: Literal["zero", "uniform"] = "zero"
     packet_interval_us: int = 0
     threshold_sigma: float = 0.0
@@ -67,3 +70,5 @@ class EventSensorOptions:
             least = LEAST_THRESHOLD if field.name in ("threshold_on", "threshold_off") else 0
             if not isinstance(value, str) and not (math.isfinite(value) and value >= least):
                 raise ValueError(f"Expected {field.name} to be finite and at least {least}, got {value}")
+        if 0 < self.linear_below_dn <= 1:
+            raise ValueError(f"Expected linear_below_dn to be 0 or above 1, got {self.linear_below_dn}")

@@ -1,10 +1,12 @@
 """The event camera: luminance samples or light known at all times in, events out.
 
-``log``: L = ln(Y + log_eps_dn), a straight line between samples; an event whenever L reaches reference +- threshold,
-which then is the new reference, as many as fit. ``linear``: the sensor's own rint(Y); one event where it differs from
-the reference by strictly more than the threshold, the reference becomes the value (as the simulated DVS plugin does).
+``log``: L = ln(Y + log_eps_dn), linear below ``linear_below_dn`` if that is given; a straight line between samples; an
+event whenever L reaches reference +- threshold, which then is the new reference, as many as fit. ``linear``: the
+sensor's own rint(Y); one event where it differs from the reference by strictly more than the threshold, the reference
+becomes the value (as the simulated DVS plugin does).
 """
 
+import math
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -61,8 +63,8 @@ class CrossingSource(Protocol):
 
 
 def follows_light(options: EventSensorOptions) -> bool:
-    """Whether a sensor can follow light: not with a bandwidth, which depends on the past, nor ``linear`` images."""
-    return options.model == "log" and options.bandwidth_hz == 0
+    """Whether a sensor can follow light: a logarithm of it, without a bandwidth, which depends on the past."""
+    return options.model == "log" and options.bandwidth_hz == options.linear_below_dn == 0
 
 
 # Keys of the random streams: adding one effect leaves the draws of the others as they were.
@@ -237,6 +239,10 @@ class EventSensor:
             luma_dn = luma_dn + self._options.log_eps_dn
         with np.errstate(divide="ignore", invalid="ignore"):  # _require_finite reports them
             np.log(luma_dn, out=self._signal)
+        below_dn = self._options.linear_below_dn
+        if below_dn:
+            # lin-log: from 0 in the dark on a straight line to ln T at T.
+            np.copyto(self._signal, luma_dn * (math.log(below_dn) / below_dn), where=luma_dn < below_dn)
 
     def _with_effects(self, keys: Keys, stop_us: int) -> Keys:
         """Return sorted keys up to ``stop_us``: spurious events added, refractory events dropped, packets formed."""
