@@ -211,10 +211,12 @@ class UndoTrial:
     def clears_as_much_as(self, other: "UndoTrial") -> bool:
         """Whether undoing this fault clears what undoing the other does, of all findings that its windows decide.
 
-        Each fault is undone in the windows that show its own findings best: those of this one may decide fewer.
+        Each fault is undone in the windows that show its own findings best: those of this one may decide fewer. What
+        the other clears only because further faults were undone with it is no advantage over this one.
         """
-        is_decided_alike = not any(finding in self.left for finding in other.cleared)
-        return self.succeeds and is_decided_alike and not self.cleared.isdisjoint(other.cleared)
+        cleared = other.cleared_alone or other.cleared
+        is_decided_alike = not any(finding in self.left for finding in cleared)
+        return self.succeeds and is_decided_alike and not self.cleared.isdisjoint(cleared)
 
 
 Trials = Mapping[tuple[str, str], UndoTrial]

@@ -1,4 +1,4 @@
-"""Which of several mechanisms of a cause is kept: what a trial has revealed does not count against it."""
+"""Which trial counts more: of mechanisms of a cause, and of rivals whose faults were undone alone or with others."""
 
 from dataclasses import replace
 
@@ -13,3 +13,13 @@ def test_what_the_plain_run_could_not_have_shown_does_not_count_against_a_trial(
     deciding_nothing = UndoTrial(GravityError("gravity_sign"), "", frozenset(), {}, codes[:1], 4)
     assert clearing.balance < deciding_nothing.balance
     assert replace(clearing, revealed=frozenset(codes)).balance > deciding_nothing.balance
+
+
+def test_what_clears_because_of_another_fault_is_no_advantage_over_a_rival() -> None:
+    """A rival is tried alone: late events and early frames clear the same timing, whatever else was undone with one."""
+    rival = UndoTrial(GravityError("gravity_sign"), "", frozenset({"F3"}), {"F1": 0.99}, (), 4)
+    alone = UndoTrial(GravityError("gravity_missing"), "", frozenset({"F3"}), {"F1": 0.99}, (), 4)
+    with_another = replace(alone, cleared=frozenset({"F1", "F3"}), cleared_alone=alone.cleared, left={})
+    assert rival.clears_as_much_as(alone)
+    assert rival.clears_as_much_as(with_another)
+    assert not rival.clears_as_much_as(replace(alone, cleared=frozenset({"F1", "F3"}), left={}))
