@@ -9,6 +9,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
+from fedora_qa.estimators.depth.pair_fit import DepthFit
+from fedora_qa.estimators.depth.warp import DepthLattice, WarpedLattice
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.features import Feature
@@ -110,7 +112,7 @@ class PairAgreement:
         Number of compared pixels, and of those of the lattice, clear of edges, whether they could be compared or not.
     noise_square, noise_dof
         chi^2 of the correction of the motion under its declared noise, and its degrees of freedom; 0 where none is
-        declared.
+        declared or estimated.
     repeats
         Whether the pair deviates and its frames are equal bit for bit.
     """
@@ -148,6 +150,8 @@ class WindowAgreement:
         Number of pairs that no pose covers.
     too_few_pixels
         Number of pairs that share too few pixels.
+    not_fitted
+        Number of pairs whose fit of the motion does not converge.
     trials
         Trials of a follow-up.
     """
@@ -156,6 +160,7 @@ class WindowAgreement:
     pairs: tuple[PairAgreement, ...] = ()
     without_pose: int = 0
     too_few_pixels: int = 0
+    not_fitted: int = 0
     trials: tuple[PairTrials, ...] = ()
 
 
@@ -188,7 +193,9 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
     declared noise removes of them. A median must not exceed the
     median of its bounds. Where the file declares pose noise, a correction of the motion is fitted to each pair. The
     correction must have the size that the declared noise implies: its square is chi-square, and is made normal by the
-    cube root.
+    cube root. Bounds include the effect of the last step of the fit. A pair whose fit neither converges nor agrees has
+    no estimate of its motion. It counts only if its residuals before the correction exceed their bounds by more than
+    five standard deviations of the noise explain.
 
     Cannot detect
     -------------
@@ -211,13 +218,18 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
 
     def measure(self, window: Window) -> WindowAgreement | None:
         """Compare every pair that the window owns."""
-        agreements, without_pose, too_few_pixels = [], 0, 0
+        agreements, without_pose, too_few_pixels, not_fitted = [], 0, 0, 0
         for pair in owned_pairs(window):
-            agreement = None if pair is None else compare(pair)
-            without_pose += pair is None
-            too_few_pixels += pair is not None and agreement is None
-            agreements += [agreement] if agreement else []
-        return WindowAgreement(window.span.index, tuple(agreements), without_pose, too_few_pixels)
+            fit = None if pair is None else pair.fit_as_declared()
+            if pair is None:
+                without_pose += 1
+            elif fit is None:
+                too_few_pixels += 1
+            else:
+                agreement = compare(pair, fit)
+                not_fitted += agreement is None
+                agreements += [agreement] if agreement else []
+        return WindowAgreement(window.span.index, tuple(agreements), without_pose, too_few_pixels, not_fitted)
 
     def follow_up_windows(self, state: list[WindowAgreement], facts: Facts) -> tuple[int, ...]:
         """Return the windows of the worst pairs that exceed their bounds."""
@@ -253,6 +265,9 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
             pairs_by_reason = {
                 "are not covered by poses": sum(window.without_pose for window in state),
                 "share too few pixels clear of edges": sum(window.too_few_pixels for window in state),
+                "deviate by no more than the noise of a motion that is not fitted": sum(
+                    window.not_fitted for window in state
+                ),
             }
             reasons = [f"{count} {reason}" for reason, count in pairs_by_reason.items() if count]
             why = "the file has no two depth frames, or static pixels are not known"
@@ -371,25 +386,34 @@ def _deviation_text(deviation: DepthDeviation) -> str:
     return f"{typical:.3g}% at the median pixel, where the bound by rounding is {bound:.1g}%"
 
 
-def compare(pair: DepthPair) -> PairAgreement | None:
+def compare(pair: DepthPair, fit: DepthFit) -> PairAgreement | None:
     """Compare the frames of a pair.
 
     Parameters
     ----------
     pair
-        Two depth frames and the motion between them, which is corrected within its noise first.
+        Two depth frames and the motion between them.
+    fit
+        Correction of the motion within its noise. Without it, declared pose noise, which moves all pixels together,
+        would count as an error of depth.
 
     Returns
     -------
     PairAgreement | None
-        None where the frames share too few pixels.
+        None where the fit does not converge, and the noise of the motion may explain what is left.
     """
     lattice = pair.lattice()
-    # Declared pose noise moves all pixels together: without this correction it would count as an error of depth.
-    fit = pair.fit_as_declared()
-    if fit is None:
-        return None
-    warped = pair.warped_after(fit, lattice)
+    agreement = _agreement(pair, pair.warped_after(fit, lattice), lattice, fit)
+    # Steps may also not end because a part of the image has a fault: the rest then agrees.
+    if fit.converged or agreement.whole.excess <= 1:
+        return agreement
+    # Without an estimate of the motion, a deviation is certain only where no motion within the noise explains it.
+    uncorrected = _agreement(pair, pair.warped_within_noise(lattice), lattice, fit=None)
+    return uncorrected if uncorrected.excess > 1 else None
+
+
+def _agreement(pair: DepthPair, warped: WarpedLattice, lattice: DepthLattice, fit: DepthFit | None) -> PairAgreement:
+    """Return the comparison of a pair from its warped pixels; ``fit`` is None where no correction is estimated."""
     compared = np.isfinite(warped.residuals)
     residuals, bounds = np.abs(warped.residuals[compared]), warped.bounds[compared]
     whole = DepthDeviation(median_of(residuals), median_of(bounds))
@@ -426,8 +450,8 @@ def compare(pair: DepthPair) -> PairAgreement | None:
         bounds_of_tiles,
         pixels=warped.compared,
         pixels_read=lattice.depths_m.size,
-        noise_square=fit.noise_square,
-        noise_dof=fit.noise_dof,
+        noise_square=fit.noise_square if fit else 0.0,
+        noise_dof=fit.noise_dof if fit else 0.0,
         repeats=repeats,
     )
 

@@ -36,7 +36,7 @@ Family = Callable[[float], DepthModel | None]
 FEWEST_PIXELS: Final = 50
 """Least number of pixels that can be compared. Two frames with fewer are not compared."""
 
-_ITERATIONS: Final = 12
+_ITERATIONS: Final = 24
 _CONVERGED: Final = 1e-3
 """Largest last step, as a share of its standard error; also the largest change of the residuals by it, in sigmas.
 
@@ -72,6 +72,11 @@ class DepthFit:
     motion_left
         (6, 6) what the fit leaves of a further error of the motion (rad, then m): the identity where it fits less than
         all six directions.
+    converged
+        Whether the steps ended.
+    twist_step
+        (6,) last step of the twist (rad, then m), which ``warped`` does not include: how far a fit that did not
+        converge may be from the solution.
     """
 
     value: float
@@ -86,6 +91,8 @@ class DepthFit:
     noise_dof: float
     value_by_twist: Float64
     motion_left: Float64
+    converged: bool
+    twist_step: Float64
 
     @property
     def agrees(self) -> bool:
@@ -154,29 +161,35 @@ def fit_depth(
     Where the depths hardly constrain some directions of the twist (one plane, no noise declared), the steps along them
     need not converge: so far from the solution, the nonlinearity of the twist exceeds the rounding of the depths. Then
     the twist with the least median residual is taken.
+
+    A twist of several pixels changes which surface a pixel meets: then the steps of the linearised equations may lead
+    back and forth across the solution. Those that do are relaxed.
     """
     problem = _FitProblem(family, lattice, image1, noise, step)
     value, z = start, np.zeros(noise.shape[1])
     # Far from the solution: Huber's convex loss, which has only one minimum. Near it: Cauchy's, which is more robust.
     convex = True
     visited: list[tuple[float, float, Float64]] = []
-    for _ in range(_ITERATIONS if step is not None or len(z) else 0):
+    previous = np.zeros(1 + len(z))
+    iterations = _ITERATIONS if step is not None or len(z) else 0
+    for _ in range(iterations):
         solution = problem.step_from(value, z, convex=convex)
         if solution is None:
             return None
         if not convex:
             visited.append((solution.typical, value, z))
-        change = np.abs(solution.change)
-        value, z = value + solution.change[0] * (step is not None), z + solution.change[1:]
+        taken = _relaxed(solution.change, previous, solution.errors)
+        previous, change = taken, np.abs(solution.change)
+        value, z = value + taken[0] * (step is not None), z + taken[1:]
         if not convex and solution.moved <= _CONVERGED and np.all(change <= _CONVERGED * solution.errors):
-            return _fit_from(solution, value, z, noise, step)
+            return _fit_from(solution, value, z, noise, step, converged=True)
         convex = convex and bool(np.any(change > solution.errors))
     last = problem.step_from(value, z)
     best = min(visited, key=lambda visit: visit[0], default=None)
     if best is not None and last is not None and best[0] < last.typical:
         _, value, z = best
         last = problem.step_from(value, z)
-    return None if last is None else _fit_from(last, value, z, noise, step)
+    return None if last is None else _fit_from(last, value, z, noise, step, converged=iterations == 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,7 +298,30 @@ class _FitProblem:
         return _FitStep(warped, *step[1:]) if step[0] else None
 
 
-def _fit_from(last: _FitStep, value: float, z: Float64, noise: Float64, step: float | ModelNumber | None) -> DepthFit:
+def _relaxed(step: Float64, previous: Float64, errors: Float64) -> Float64:
+    """Return a step that leads to where the steps vanish, if it goes back by more than half of the previous one.
+
+    Along a line, steps s at 0 and -c s at s vanish at s / (1 + c), by linear interpolation (the secant method). That is
+    1 / (1 + c) of the second step.
+
+    Parameters
+    ----------
+    step, previous
+        (k,) the step of the linearised equations, and the one that was taken before; 0 without one.
+    errors
+        (k,) standard errors of the numbers, by which lengths are measured.
+    """
+    scaled, scaled_before = step / errors, previous / errors
+    length, length_before = np.linalg.norm(scaled), np.linalg.norm(scaled_before)
+    # Steps that are halved from one to the next converge.
+    if scaled @ scaled_before >= 0 or length <= length_before / 2:
+        return step
+    return np.asarray(step * length_before / (length_before + length))
+
+
+def _fit_from(
+    last: _FitStep, value: float, z: Float64, noise: Float64, step: float | ModelNumber | None, *, converged: bool
+) -> DepthFit:
     return DepthFit(
         value=value,
         standard_error=float(last.errors[0]) if step is not None else np.inf,
@@ -300,6 +336,8 @@ def _fit_from(last: _FitStep, value: float, z: Float64, noise: Float64, step: fl
         noise_dof=float(np.sum(1.0 - last.errors[1:] ** 2)),
         value_by_twist=last.by_twist,
         motion_left=_motion_left(noise, last.covariance[1:, 1:]),
+        converged=converged,
+        twist_step=noise @ last.change[1:],
     )
 
 

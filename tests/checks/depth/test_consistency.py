@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.catalogue import hypotheses_of
 from fedora_qa.checks.depth.consistency import DepthConsistency, medians_by_group
+from fedora_qa.estimators.depth import pair_fit
+from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Clock
 from fedora_qa.sequence.stored_step import StoredStep
@@ -112,6 +114,37 @@ def test_a_motion_that_is_fitted_needs_no_allowance_for_interpolation() -> None:
         assert least is not None
         assert limit < least
         assert not between[name].exceeds_limit
+
+
+def stopped_early(world: FlowWorld, monkeypatch: pytest.MonkeyPatch) -> Judged:
+    """The judgement where no fit of the motion has converged."""
+    monkeypatch.setattr(pair_fit, "_ITERATIONS", 1)
+    return judged(DepthConsistency(), world)
+
+
+def test_a_fit_that_has_not_converged_shows_no_deviation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Correct frames with noisy poses do not fail by what a fit has left that did not end."""
+    result = stopped_early(noisy(), monkeypatch).result
+    assert result.outcome != "failed"
+
+
+def test_what_no_motion_explains_fails_without_a_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mirrored frames deviate by more than the noise of the poses can explain, whatever the fit."""
+    world = with_depth(from_frame_12(lambda depth: depth[:, :, ::-1]), noisy())
+    alarms = stopped_early(world, monkeypatch).alarms
+    assert "depth.consistency.frame" in {alarm.finding.code for alarm in alarms}
+
+
+def test_a_bad_corner_fails_beside_agreeing_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where most pixels agree after a fit that did not end, a tile that does not is a deviation."""
+
+    def deepen(depth: Depths) -> Depths:
+        depth[10, 96:, 144:] *= 1.01
+        return depth
+
+    monkeypatch.setattr(pair_fit, "_CONVERGED", 0.0)
+    alarms = judged(DepthConsistency(), with_depth(deepen, noisy())).alarms
+    assert any(alarm.finding.code.endswith("tile") for alarm in alarms)
 
 
 def test_frozen_frames_are_placed() -> None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from fedora_qa.estimators.depth import pair_fit
 from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
 from fedora_qa.estimators.depth.pair_fit import FEWEST_PIXELS, fit_depth, inverted, noise_directions
 from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, ModelNumber, lattice_of, residuals_after, warp
@@ -120,6 +121,36 @@ def test_steps_that_do_not_end_give_the_best_value_of_all(start: float) -> None:
     assert fit is not None
     typical = [np.nanmedian(np.abs(residuals_after(family(value), lattice, image1))) for value in list(tried)]
     assert fit.typical == pytest.approx(min(typical), rel=0.1)
+
+
+@pytest.mark.parametrize("start", [1.5, -1.5, 2.0])
+def test_steps_back_and_forth_across_the_solution_are_relaxed(start: float) -> None:
+    """Newton's steps for arctan(x) = 0 lead ever farther to both sides from |x| = 1.39 on."""
+
+    def family(value: float) -> DepthModel:
+        return DepthModel(K, MOTION, scale=1.0 + 0.1 * np.arctan(value))
+
+    fit = fit_depth(family, *frames(), EXACT, start=start, step=1e-4)
+    assert fit is not None
+    assert fit.value == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_fit_that_is_stopped_states_its_last_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fit whose steps have not ended has not converged, and is about its last step from the solution."""
+    sigmas = np.repeat([0.01, 0.02], 3)
+    planted = np.array([1.0, -0.5, 1.0, 0.5, 1.0, -1.0]) * sigmas
+    model, noise = DepthModel(K, MOTION.corrected(planted)), noise_directions(np.diag(sigmas**2))
+    whole = fit_depth(lambda _: model, *frames(), noise, start=0.0, step=None)
+    monkeypatch.setattr(pair_fit, "_ITERATIONS", 1)
+    stopped = fit_depth(lambda _: model, *frames(), noise, start=0.0, step=None)
+    assert whole is not None
+    assert stopped is not None
+    assert whole.converged
+    assert np.linalg.norm(whole.twist_step) < 1e-4 * np.linalg.norm(planted)
+    assert not stopped.converged
+    np.testing.assert_allclose(
+        stopped.twist + stopped.twist_step, whole.twist, atol=0.2 * np.linalg.norm(stopped.twist_step)
+    )
 
 
 def test_wrong_motion_is_corrected_within_its_noise() -> None:
