@@ -17,6 +17,7 @@ from fedora_qa.estimators.events.shift import (
     cross_correlation,
     open_level_errors,
     slope_sums,
+    step_of_level,
 )
 from fedora_qa.estimators.events.shift_kernels import change_and_events
 from fedora_qa.estimators.fitting.robust import jackknife_errors
@@ -63,8 +64,8 @@ class IntervalCorrelations:
     auto, cross
         (k, s, s) correlation of the frames' absolute change with itself, and with the number of events.
     sums
-        (k, 4) absolute change of the pixels with events, number of their events, and sums of squares of both about
-        their means, over all pixels.
+        (k, 4) number of pixels and of events, and sums of squares of the absolute change and of the number of events
+        about their means, over all pixels.
     slopes
         (k, 3, 2) as in ``slope_sums``: slopes of the level at pixels with events, slopes of its change at all pixels.
     far
@@ -122,11 +123,11 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
 
     Noise model
     -----------
-    The size of a step, C, is estimated from the data: the change of all pixels with events over the number of these
-    events. Between two events the level has a variance of 2/3 C^2, from which the standard error follows. The spread
-    when segments of time are left out in turn is used where it is larger. The model error bound is the lag: a level
-    that has risen is above its reference by C/2 on average, so that events lag a constant drift by at most C/2 mean|g|
-    / mean g^2, with g the slope of the level at pixels with events. Against depth the errors and bounds are those of
+    The size of a step, C, is estimated from the data, by the regression of the number of events on the change. What the
+    regression leaves is the error by levels between two events, from which the standard error follows. The spread when
+    segments of time are left out in turn is used where it is larger. The model error bound is the lag: a level that has
+    risen is above its reference by C/2 on average, so that events lag a constant drift by at most C/2 mean|g| / mean
+    g^2, with g the slope of the level at pixels with events. Against depth the errors and bounds are those of
     ``alignment.depth``, and the lag is bounded by 1 / (2 k) px, with k the events of one polarity of a pixel: they have
     crossed k steps C of an edge that passes within a pixel. The error of an advantage is a jackknife of the difference,
     in which texture that both share has no part. The error of the delay is a jackknife over nine parts of the image and
@@ -223,7 +224,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
         auto, cross, sums, slopes = (
             np.concatenate([getattr(window, name) for window in state]) for name in ("auto", "cross", "sums", "slopes")
         )
-        change, events, change_squares, event_squares = sums.sum(axis=0)
+        pixels, events, change_squares, event_squares = sums.sum(axis=0)
         # A shift beyond the reach has no peak within it, so the coarse search has precedence.
         # The coefficient of n unrelated events is about normal with the variance 1/n, and the largest of m exceeds x
         # with a probability of at most m exp(-n x^2 / 2).
@@ -250,10 +251,12 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
                 return Observation(coverage, unobservable="the peak depends on single segments of time")
             spread_px = jackknife_errors(fitted_px)
         else:
-            shift, spread_px = far.shift, far.errors_px
-        # Size of a step, C, from the data: absolute change of the pixels with events over the number of these (class
-        # docstring).
-        level_errors_px, lags_px = open_level_errors(slopes.mean(axis=0), float(change / events))
+            shift, spread_px, strength = far.shift, far.errors_px, far.strength
+        _, lags_px = open_level_errors(slopes.mean(axis=0), step_of_level(strength, change_squares, event_squares))
+        # The change by frames differs from the steps by e of variance sigma^2 (1 / r^2 - 1). A regression of e on the
+        # slope h of the change has the standard error sigma_e / sqrt(sum h^2). Successive intervals share e.
+        open_variance = change_squares / pixels * (1 / strength**2 - 1)
+        level_errors_px = np.sqrt(open_variance / np.maximum(slopes.mean(axis=0)[2], 1e-300))
         # Not added: the spread over time contains the part of the open levels that differs between intervals.
         errors_px = np.maximum(spread_px, level_errors_px)
 

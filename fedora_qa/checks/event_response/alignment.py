@@ -21,10 +21,11 @@ from fedora_qa.estimators.events.shift import (
     lattice_spread,
     most_shifted,
     open_level_errors,
+    reference_lags,
     shifts_of_parts,
 )
 from fedora_qa.estimators.events.shift_field import ShiftFieldFit, field_fits, scale_and_roll
-from fedora_qa.estimators.events.shift_kernels import KNOWN, USABLE
+from fedora_qa.estimators.events.shift_kernels import FIRED, KNOWN, OPEN, USABLE
 from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -127,6 +128,8 @@ class ShiftCorrelations:
         (k, 2) sums of squares of both changes.
     slopes
         (k, 3, 2) to the right and down, as in ``slope_sums``, where the change by events is known.
+    lag_sums
+        (k, 4, 2) as in ``reference_lags``.
     far
         The patches at half the resolution, for shifts beyond the reach of these.
     tiles
@@ -140,6 +143,7 @@ class ShiftCorrelations:
     two_sided: Float64
     squares: Float64
     slopes: Float64
+    lag_sums: Float64
     far: FarSums
     tiles: ShiftSums
     start_ns: int
@@ -181,19 +185,22 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     where that is larger. Two errors of the level are systematic. Each is bounded by the change of the peak under the
     opposite assumption. The first is the excursion of the level between two events before it reverses: none, against
     the mean of all possible ones. The second is due to pixels without an event before or after a frame: their reference
-    is used as the level and lags; without these pixels the error of the shift has the other sign. Each window and each
-    of 4 x 4 tiles is also compared with the median of all (tiles where their correlation is at least 0.5). The error of
-    a part is the larger of the spread over tiles or windows and the error by levels between two events, C sqrt(1/3 /
-    sum h^2), with h the slope of the change. Where there are ten or more parts, their scatter is used if it exceeds
-    these errors. The errors of scale and roll follow from those of the tiles, widened to their scatter, or from the
-    jackknife over tiles where that is larger; their bound is the largest effect of a displacement of each tile by up to
-    the bound of the shift.
+    is used as the level and lags; without these pixels the error of the shift has the other sign. Where slopes g of the
+    level are small, the lag of up to a threshold C, C sum |g| over these pixels / sum g^2 over all that fire, exceeds
+    half a period of the texture. Events then belong to edges that have passed, and the lag is the bound. Each window
+    and each of 4 x 4 tiles is also compared with the median of all (tiles where their correlation is at least 0.5). The
+    error of a part is the larger of the spread over tiles or windows and the error by levels between two events, C
+    sqrt(1/3 / sum h^2), with h the slope of the change. Where there are ten or more parts, their scatter is used if it
+    exceeds these errors. The errors of scale and roll follow from those of the tiles, widened to their scatter, or from
+    the jackknife over tiles where that is larger; their bound is the largest effect of a displacement of each tile by
+    up to the bound of the shift.
 
     Cannot detect
     -------------
     Shifts beyond fourteen pixels. Unrelated scenes (correlation below 0.1). Shifts along edges that all have one
     direction. Scales and rotations with fewer than six tiles of clear edges, or that move tiles by more than eight
-    pixels. Parts with few edges. Hovering makes the error too large: not_observable.
+    pixels. Parts with few edges. Hovering makes the error too large: not_observable. So does texture so faint that a
+    pixel needs several periods of it to fire.
 
     Sources
     -------
@@ -228,12 +235,14 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         sensor = sensor_shape(window.facts.declared)
         thresholds, events = (declared.threshold_off, declared.threshold_on), pixel_events(window)
         lines, two_sided = np.zeros((2, 2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
-        whole, tiles, far = [], [], []
+        whole, lag_sums, tiles, far = [], [], [], []
         for i in chosen:
             between_ns = int(resampled.times_ns[i]), int(resampled.times_ns[i + 1])
             by_events = level_changes(events, sensor, between_ns, thresholds)
             earlier, later = (lattice_signals(window, resampled, declared, frame) for frame in (i, i + 1))
-            flag = np.where(by_events.is_known, USABLE | KNOWN, USABLE).astype(np.uint8)
+            fired = by_events.mean != 0
+            flag = USABLE + KNOWN * by_events.is_known + FIRED * fired + OPEN * (fired & ~by_events.is_known)
+            flag = flag.astype(np.uint8)
             level = earlier[0][0]
             changes = IntervalChanges(
                 level,
@@ -242,6 +251,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
                 by_events.mean,
             )
             whole.append(changes.sums([(0, level.shape[0], 0, level.shape[1])]))
+            lag_sums.append(changes.lag_sums())
             lines += changes.patches(by_events.line)
             two_sided += changes.patches(np.where(by_events.is_known, by_events.mean, 0.0))
             far.append(far_sums(changes.changes[0], changes.events, changes.flags[0] > 0))
@@ -252,6 +262,7 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             two_sided,
             np.concatenate([sums.squares for sums in whole]),
             np.concatenate([sums.slopes for sums in whole]),
+            np.array(lag_sums),
             joined(far),
             ShiftSums.added(tiles),
             window.span.start_ns,
@@ -291,11 +302,13 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
                 return Observation(coverage, unobservable="the peak depends on single frame intervals or tiles")
             shift, errors = near, np.maximum(over_time, over_image)
             # Excursions of the level between events, and pixels without an event before or after a frame: two errors of
-            # the level, each bounded by the distance of the peak without them.
-            bounds = np.sum(
-                [np.abs([each.right_px - near.right_px, each.down_px - near.down_px]) for each in variants if each],
-                axis=0,
+            # the level, each bounded by the distance of the peak without them; the second also by its lag, where that
+            # exceeds the texture.
+            by_excursions, by_references = (
+                np.abs([each.right_px - near.right_px, each.down_px - near.down_px]) for each in variants if each
             )
+            lag_sums = np.concatenate([window.lag_sums for window in state]).sum(axis=0)
+            bounds = by_excursions + np.maximum(by_references, reference_lags(lag_sums, threshold))
         else:
             level_errors, bounds = open_level_errors(slopes, threshold)
             shift, errors = far.shift, np.maximum(far.errors_px, level_errors)

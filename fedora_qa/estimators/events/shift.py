@@ -31,7 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.events.shift_kernels import (
+    FIRED,
     KNOWN,
+    OPEN,
     RADIUS,
     USABLE,
     add_slopes,
@@ -176,7 +178,7 @@ class IntervalChanges:
     changes
         Changes (h, w) by frames at the centres of the pixels, and at their corners, half a pixel to the right and down.
     flags
-        (h, w) flags ``USABLE`` and ``KNOWN`` of ``shift_kernels`` for both changes.
+        (h, w) flags of ``shift_kernels`` for both changes.
     events
         (h, w) changes by events, in the unit of the level.
     """
@@ -221,6 +223,19 @@ class IntervalChanges:
         """
         rows, columns = ([-(-edge * size // tiles) for edge in range(tiles + 1)] for size in self.events.shape)
         return self.sums([(*down, *right) for down in pairwise(rows) for right in pairwise(columns)])
+
+    def lag_sums(self) -> Float64:
+        """Return the sums (4, 2) to the right and down by which ``reference_lags`` bounds a lag.
+
+        Of |g| at pixels whose change by events is not known, of g^2 at all pixels with a change by events, of h^2 and
+        of c^2 at all usable pixels: g is the slope of the level, h that of its change, c the change less its mean.
+        """
+        whole, sums = (0, self.level.shape[0], 0, self.level.shape[1]), np.zeros((3, 3, 2))
+        for flag, of_flag in zip((OPEN, FIRED, USABLE), sums, strict=True):
+            add_slopes(self.level, self.changes[0], self.flags[0], flag, whole, of_flag)
+        usable = self.changes[0][(self.flags[0] & USABLE) > 0]
+        squares = usable.size * np.var(usable) if usable.size else 0.0
+        return np.array([sums[0, 0], sums[1, 1], sums[2, 2], [squares, squares]])
 
     def patches(self, events: Float64) -> Float64:
         """Return the correlations (2, 2 R + 1, 2 R + 1) of the whole image with other changes (h, w) by events."""
@@ -429,6 +444,58 @@ def open_level_errors(sums: Float64, threshold: float) -> tuple[Float64, Float64
     # lag = C/2 sum |g| / sum g^2: half a threshold over the slope.
     lags = threshold / 2 * level / np.maximum(level_squares, 1e-300)
     return errors, lags
+
+
+def reference_lags(sums: Float64, threshold: float) -> Float64:
+    """Return the lag of a shift by pixels without an event before or after a frame, where it can exceed the texture.
+
+    The reference stands for their level, and lags behind it by up to a threshold C. (Half of it is the mean over all
+    times, but the level of a pixel that fires is almost C from its reference.) At a slope g the level changes by C over
+    C / |g| px of motion. As long as that is less than half a period of the texture, the peak belongs to the edge that
+    causes the events, and the same peak without such pixels bounds the error. Beyond it, events belong to an edge that
+    has passed, and any peak within the lag may be the largest.
+
+    Parameters
+    ----------
+    sums
+        (4, 2) ``IntervalChanges.lag_sums``.
+    threshold
+        C, in the unit of the level.
+
+    Returns
+    -------
+    Float64
+        (2,) bounds to the right and down, px; 0 where half a period exceeds the lag along both axes.
+    """
+    open_slopes, slope_squares, steeper_squares, change_squares = sums
+    # Errors e of the level move the peak by sum e g / sum g^2 (regression), with |e| <= C at open pixels, 0 at others.
+    lags: Float64 = threshold * open_slopes / np.maximum(slope_squares, 1e-300)
+    # Of a change c = sin(x / w) with the slope h, sum c^2 / sum h^2 = w^2. Half a period is pi w.
+    half_periods = np.pi * np.sqrt(change_squares / np.maximum(steeper_squares, 1e-300))
+    return lags if np.any(lags > half_periods) else np.zeros(2)
+
+
+def step_of_level(strength: float, change_squares: float, event_squares: float) -> float:
+    """Return the size C of the step of the level by which a pixel fires, from events and frames.
+
+    A pixel whose level changes by d fires d / C times on average over its references. C is therefore the reciprocal of
+    the slope of the regression of the number n of events on d, ``r sigma_n / sigma_d``. The mean change of the pixels
+    that fire over their events is too small: in a short interval those fire that were near the next step before, and
+    their change is less than C.
+
+    Parameters
+    ----------
+    strength
+        Correlation coefficient r of events and change, at the shift of the events.
+    change_squares, event_squares
+        Sums of squares of the change and of the number of events about their means.
+
+    Returns
+    -------
+    float
+        In the unit of the change.
+    """
+    return float(np.sqrt(change_squares / max(event_squares, 1e-300)) / max(strength, 1e-300))
 
 
 def bracketed_level_errors(sums: Float64, threshold: float) -> Float64:

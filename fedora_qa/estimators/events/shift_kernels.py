@@ -29,8 +29,9 @@ _WIDE = 32
 _FEW = 6
 """Where one in six pixels of a row fires, both ways take equally long: by firing pixels, or the whole row at once."""
 
-USABLE, KNOWN = 1, 2
-"""Flags of pixels. USABLE: the signal is known in both frames. KNOWN: also, the change of the level by events is."""
+USABLE, KNOWN, FIRED, OPEN = 1, 2, 4, 8
+"""Flags of pixels. USABLE: the signal is known in both frames. KNOWN: also, the change of the level by events is.
+FIRED: events change the level. OPEN: they do, but the change is not known."""
 
 
 @njit(cache=True)
@@ -344,12 +345,12 @@ def change_and_events(
     usable
         (h, w) pixels that can be compared.
     sums
-        (4,): sum of the changes of the pixels that fire, sum of their events, and, over all usable pixels, the sums of
-        squared deviations of change and of events from their means.
+        (4,) number of usable pixels, and over them the sum of the events, and the sums of squared deviations of change
+        and of events from their means.
     """
     height, width = before.shape
     change, events, usable = np.zeros((height, width)), np.zeros((height, width)), np.zeros((height, width), np.bool_)
-    count, total_change, total_events, of_firing = 0, 0.0, 0.0, 0.0
+    count, total_change, total_events = 0, 0.0, 0.0
     for row in range(height):
         for column in range(width):
             darker, brighter = counts[0, row, column], counts[1, row, column]
@@ -364,10 +365,8 @@ def change_and_events(
             change[row, column], events[row, column], usable[row, column] = step, darker + brighter, True
             count += 1
             total_change += step
-            if darker + brighter > 0:
-                total_events += darker + brighter
-                of_firing += step
-    sums = np.array([of_firing, total_events, 0.0, 0.0])
+            total_events += darker + brighter
+    sums = np.array([float(count), total_events, 0.0, 0.0])
     if count:
         mean_change, mean_events = total_change / count, total_events / count
         # In a second pass: to subtract n mean^2 from a sum of squares would cancel digits.

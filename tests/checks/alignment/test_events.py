@@ -10,7 +10,7 @@ import pytest
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
 from fedora_qa.record.types import Result
-from tests.checks.event_file import SHAPE, EventFile, linear_file, log_file
+from tests.checks.event_file import LOG_WORLD, SHAPE, EventFile, linear_file, log_file
 from tests.support.checked import rules, run_check
 
 CHECK = "alignment.events"
@@ -50,9 +50,21 @@ def test_polarity_and_thresholds_do_not_matter(tmp_path: Path) -> None:
     assert results[0].measurements == results[1].measurements
 
 
-@pytest.mark.parametrize("right_px", [3, -2])
+@pytest.mark.parametrize(("amplitude_dn", "seed"), [(5.0, 3), (6.0, 3), (6.0, 7)])
+def test_events_of_faint_texture_may_lag_by_pixels(amplitude_dn: float, seed: int, tmp_path: Path) -> None:
+    """Where levels change by less than a threshold between frames, a shift of one to two pixels is the lag.
+
+    With a step from the change of the pixels that fire, a third of a threshold or less, its bound was a pixel.
+    """
+    world = replace(LOG_WORLD, amplitude_dn=amplitude_dn, seed=seed, velocity_px_s=(60.0, 25.0))
+    result = run_check(log_file(world).write(tmp_path / "faint.h5"), CHECK)
+    assert result.outcome == "not_observable"
+    assert value_of(result, "shift_right") < -1
+
+
+@pytest.mark.parametrize("right_px", [4, -2])
 def test_shift_is_found_and_sized(right_px: int, tmp_path: Path) -> None:
-    """Three pixels to the right, and two to the left, beside the lag of the clean file."""
+    """Four pixels to the right, and two to the left, beside the lag of the clean file."""
     clean = value_of(run_check(log_file().write(tmp_path / "clean.h5"), CHECK), "shift_right")
     result = run_check(shifted(log_file(), right_px).write(tmp_path / "shifted.h5"), CHECK)
     assert "shift" in rules(result)

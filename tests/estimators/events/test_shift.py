@@ -1,5 +1,7 @@
 """Changes of intervals, and parts whose events lie elsewhere, on images whose shift is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -23,10 +25,12 @@ from fedora_qa.estimators.events.shift import (
     open_level_errors,
     peak,
     peak_spread,
+    reference_lags,
     shifts_of_parts,
     slope_sums,
+    step_of_level,
 )
-from fedora_qa.estimators.events.shift_kernels import KNOWN, USABLE
+from fedora_qa.estimators.events.shift_kernels import FIRED, KNOWN, OPEN, USABLE
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.views.event_camera import GRID, tile_around
 
@@ -449,3 +453,50 @@ def test_levels_between_events_err_as_uniform_ones() -> None:
     bracketed = THRESHOLD * (rng.random(shares.shape) < shares) - THRESHOLD * shares
     due = np.std(bracketed[1] - bracketed[0]) / np.sqrt(sums[2])
     assert bracketed_level_errors(sums, THRESHOLD) == pytest.approx(due, rel=0.01)
+
+
+def faint_texture(amplitude: float, width_px: float) -> IntervalChanges:
+    """A wave of a width (period over 2 pi) to the right, moved by half a pixel; every third pixel has fired once."""
+    columns = np.arange(160.0)
+    rows = np.ones((40, 1))
+    level, moved = (rows * amplitude * np.sin((columns - px) / width_px) for px in (0.0, 0.5))
+    fired = np.zeros(level.shape, np.bool_)
+    fired[:, ::3] = True
+    flags = (USABLE + (FIRED + OPEN) * fired).astype(np.uint8)
+    return IntervalChanges(level, (moved - level, moved - level), (flags, flags), np.where(fired, 1.0, 0.0))
+
+
+@pytest.mark.parametrize("width_px", [2.0, 3.0])
+@pytest.mark.parametrize("amplitude", [0.02, 0.05, 0.5])
+def test_references_lag_behind_faint_texture(amplitude: float, width_px: float) -> None:
+    """C mean|g| / mean g^2 = C (2 / pi) / (1 / 2) width / amplitude in closed form, if that exceeds half a period."""
+    threshold = 0.2
+    expected_px = threshold * 4 / np.pi * width_px / amplitude
+    right_px, down_px = reference_lags(faint_texture(amplitude, width_px).lag_sums(), threshold)
+    assert down_px == 0.0
+    if expected_px > np.pi * width_px:
+        assert right_px == pytest.approx(expected_px, rel=0.05)
+    else:
+        assert right_px == 0.0
+
+
+def test_pixels_whose_change_is_known_do_not_lag() -> None:
+    """Where events lie before and after both frames, references do not stand for levels."""
+    changes = faint_texture(0.02, 2.0)
+    flags = tuple(np.where(each & OPEN > 0, USABLE | KNOWN | FIRED, each).astype(np.uint8) for each in changes.flags)
+    known = replace(changes, flags=(flags[0], flags[1]))
+    assert not reference_lags(known.lag_sums(), 0.2).any()
+
+
+@pytest.mark.parametrize("largest", [0.05, 0.2, 1.0])
+def test_the_step_of_a_level_follows_from_how_often_pixels_fire(largest: float) -> None:
+    """Changes far below a threshold give the threshold, too; the change of the pixels that fire does not."""
+    threshold, rng = 0.2, np.random.default_rng(3)
+    change = largest * rng.uniform(0, 1, 400_000) ** 2
+    # The level lies anywhere between two steps before.
+    events = np.floor(change / threshold + rng.uniform(0, 1, len(change)))
+    strength = float(np.corrcoef(change, events)[0, 1])
+    assert step_of_level(strength, len(change) * change.var(), len(change) * events.var()) == pytest.approx(
+        threshold, rel=0.05
+    )
+    assert change[events > 0].sum() / events.sum() < (threshold if largest > threshold else largest)

@@ -1,0 +1,48 @@
+"""Shift of events against frames where texture is faint."""
+
+from pathlib import Path
+
+import pytest
+
+from fedora_generator.generate import Request, generate_sequence
+from fedora_generator.scene import load_scene
+from tests.support.checked import run_check
+
+DOWNWARDS = """
+name = "downwards"
+base = "park-day"
+description = "The camera looks straight down at grass."
+[flight]
+position_m = [0.0, 0.0, 3.0]
+[camera]
+pitch_deg = 90.0
+[events]
+threshold_on = {threshold}
+threshold_off = {threshold}
+"""
+
+
+def downwards(folder: Path, threshold: float) -> Path:
+    """A file of 0.5 s above grass, whose luma varies by a few hundredths from blade to blade."""
+    scene, path = folder / "downwards.toml", folder / f"{threshold}.h5"
+    scene.write_text(DOWNWARDS.format(threshold=threshold))
+    generate_sequence(load_scene(str(scene)).with_size(160, 120), path, Request(duration_s=0.5, quality="draft"))
+    return path
+
+
+def test_events_of_texture_that_has_passed_are_no_shift(tmp_path: Path) -> None:
+    """A pixel of grass fires after several periods of it have passed: events correlate with other blades by then."""
+    result = run_check(downwards(tmp_path, 0.2), "event_response.alignment")
+    assert result.outcome == "not_observable"
+    assert "detection limit too large: shift_right" in result.reason
+
+
+def test_smaller_thresholds_resolve_the_texture(tmp_path: Path) -> None:
+    """With a threshold that half a period exceeds, the same grass shows where the events lie."""
+    result = run_check(downwards(tmp_path, 0.03), "event_response.alignment")
+    shifts = {each.name: each for each in result.measurements if each.name in {"shift_right", "shift_down"}}
+    assert result.outcome == "passed"
+    for shift in shifts.values():
+        assert shift.value == pytest.approx(0.0, abs=0.3)
+        assert shift.limit is not None
+        assert shift.limit < 1.0
