@@ -17,6 +17,7 @@ from fedora_qa.estimators.events.shift import (
     cross_correlation,
     open_level_errors,
     slope_sums,
+    slopes_where_fired,
     step_of_level,
 )
 from fedora_qa.estimators.events.shift_kernels import change_and_events
@@ -67,7 +68,7 @@ class IntervalCorrelations:
         (k, 4) number of pixels and of events, and sums of squares of the absolute change and of the number of events
         about their means, over all pixels.
     slopes
-        (k, 3, 2) as in ``slope_sums``: slopes of the level at pixels with events, slopes of its change at all pixels.
+        (k, 3, 2) sums of slopes of the level as in ``slopes_where_fired``, and of its change as in ``slope_sums``.
     far
         Correlations of the same pixels at half the resolution, for shifts beyond the reach of ``cross``.
     edges
@@ -127,11 +128,12 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
     regression leaves is the error by levels between two events, from which the standard error follows. The spread when
     segments of time are left out in turn is used where it is larger. The model error bound is the lag: a level that has
     risen is above its reference by C/2 on average, so that events lag a constant drift by at most C/2 mean|g| / mean
-    g^2, with g the slope of the level at pixels with events. Against depth the errors and bounds are those of
-    ``alignment.depth``, and the lag is bounded by 1 / (2 k) px, with k the events of one polarity of a pixel: they have
-    crossed k steps C of an edge that passes within a pixel. The error of an advantage is a jackknife of the difference,
-    in which texture that both share has no part. The error of the delay is a jackknife over nine parts of the image and
-    up to twelve groups of frames. Its bound is the change by a play whose width is not fitted.
+    g^2, with g the slope of the level; means are weighted by the change, as pixels fire in proportion to it. Against
+    depth the errors and bounds are those of ``alignment.depth``, and the lag is bounded by 1 / (2 k) px, with k the
+    events of one polarity of a pixel: they have crossed k steps C of an edge that passes within a pixel. The error of
+    an advantage is a jackknife of the difference, in which texture that both share has no part. The error of the delay
+    is a jackknife over nine parts of the image and up to twelve groups of frames. Its bound is the change by a play
+    whose width is not fitted.
 
     Cannot detect
     -------------
@@ -195,8 +197,8 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations | EventDepthEdges]):
                 before, after, error_before_dn, error_after_dn, counts
             )
             slopes_of_interval = slope_sums(before, change, usable)
-            # Only pixels with events lag behind the level; the uncertainty between events concerns every usable pixel.
-            slopes_of_interval[:2] = slope_sums(before, change, events > 0)[:2]
+            # Only pixels that fire lag behind the level; the uncertainty between events concerns every usable pixel.
+            slopes_of_interval[:2] = slopes_where_fired(before, change, usable)
             # Slopes are sums over pixels: those of a quarter are extrapolated to all rows.
             slopes_of_interval *= height / len(before)
             auto.append(auto_correlation(change, usable))

@@ -417,6 +417,36 @@ def slope_sums(level: NDArray[np.floating], change: Float64, usable: Bool) -> Fl
     return sums
 
 
+def slopes_where_fired(level: NDArray[np.floating], change: Float64, usable: Bool) -> Float64:
+    """Return sums of slopes over the pixels that are expected to fire.
+
+    A pixel fires in proportion to its change. Weights by the change, unlike those by events, are in place whatever the
+    shift of the events.
+
+    Parameters
+    ----------
+    level, change
+        (h, w) level of the earlier frame, and its absolute change.
+    usable
+        (h, w) True for pixels that count.
+
+    Returns
+    -------
+    Float64
+        (2, 2): sums of w |g| and of w g^2, to the right and down, with g the slope of the level in its unit / px, and w
+        the change.
+    """
+    sums = np.zeros((2, 2))
+    for i, axis in enumerate((1, 0)):
+        pairs = [(np.delete(image, -1, axis), np.delete(image, 0, axis)) for image in (level, change, usable)]
+        (here, there), (changed, changed_there), (counts, counts_there) = pairs
+        both = counts & counts_there
+        slopes = np.abs(there[both].astype(np.float64) - here[both])
+        weights = changed[both] + changed_there[both]
+        sums[:, i] = weights @ slopes, weights @ slopes**2
+    return sums
+
+
 def open_level_errors(sums: Float64, threshold: float) -> tuple[Float64, Float64]:
     """Return the standard error and the lag of a shift, from the levels that events leave undetermined.
 

@@ -28,6 +28,7 @@ from fedora_qa.estimators.events.shift import (
     reference_lags,
     shifts_of_parts,
     slope_sums,
+    slopes_where_fired,
     step_of_level,
 )
 from fedora_qa.estimators.events.shift_kernels import FIRED, KNOWN, OPEN, USABLE
@@ -486,6 +487,17 @@ def test_pixels_whose_change_is_known_do_not_lag() -> None:
     flags = tuple(np.where(each & OPEN > 0, USABLE | KNOWN | FIRED, each).astype(np.uint8) for each in changes.flags)
     known = replace(changes, flags=(flags[0], flags[1]))
     assert not reference_lags(known.lag_sums(), 0.2).any()
+
+
+def test_slopes_count_where_levels_change() -> None:
+    """Of two ramps of which one moves, only that one counts, in proportion to its change; the border does not."""
+    level, change, usable = np.zeros((6, 20)), np.zeros((6, 20)), np.ones((6, 20), np.bool_)
+    level[:, :10], level[:, 10:] = 0.5 * np.arange(10), 5.0 + 2.0 * np.arange(10)
+    change[:, :9] = 0.1
+    assert slopes_where_fired(level, change, usable)[1, 0] == pytest.approx(6 * (8 * 0.2 + 0.1) * 0.5**2)
+    usable[:, :5], level[:, :5] = False, np.nan
+    assert slopes_where_fired(level, change, usable)[0, 0] == pytest.approx(6 * (3 * 0.2 + 0.1) * 0.5)
+    assert not slopes_where_fired(level.T, change.T, usable.T)[:, 0].any()
 
 
 @pytest.mark.parametrize("largest", [0.05, 0.2, 1.0])
