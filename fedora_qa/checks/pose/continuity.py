@@ -201,13 +201,15 @@ class PoseContinuity(WindowCheck[PoseSamples]):
     White noise with the larger of the declared and the measured sigma (``pose.noise``), and at least that of rounded
     timestamps (speed times 0.29 us) and stored digits. The gain of the filter converts it to the error of a jump. A
     polynomial of two degrees less leaves more motion in the estimate: where the two differ by more than noise, the
-    difference is the model error bound at that position. Each position and axis counts as a test.
+    difference is the model error bound at that position. A vibration passes both degrees: where the residuals of the
+    fit exceed noise at most positions nearby, their norm times the filter's largest ratio of jump to residual over the
+    frequencies is the bound. Each position and axis counts as a test.
 
     Cannot detect
     -------------
     Jumps below about seven times the filtered noise: about 28 mm in poses with 5 mm of noise, 3 um in exact ones.
     Interpolation by smooth curves, or under noise that hides its kinks (``pose.noise`` detects noise that is then too
-    small or too large). A jump that is spread over many poses.
+    small or too large). A jump that is spread over many poses. A jump that is smaller than a vibration of the body.
 
     Sources
     -------

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.imu.jumps import find_steps, most_precise_steps
+from fedora_qa.estimators.imu.jumps import StepEstimates, find_steps, most_precise_steps
 from fedora_qa.estimators.imu.sampled_curves import OrientationSamples, VectorSamples
+from fedora_qa.estimators.imu.white_noise import noise_level
+from fedora_qa.views.motion_samples import NOISE_ORDER
 from tests.estimators.imu.smooth_motion import TIMES_NS, TIMES_S, polynomial, uneven_ns
 from tests.support.motion_world import RESTLESS
 
@@ -57,6 +59,56 @@ def test_smooth_motion_stays_below_its_own_bound() -> None:
     for half_width, degree in ((4, 5), (8, 5), (24, 5), (12, 3), (24, 3)):
         steps = find_steps(TIMES_NS, curve, half_width=half_width, degree=degree, sigma=1e-12)
         assert np.all(np.abs(steps.sizes).max(axis=1) <= steps.motion + 1e-11)
+
+
+@pytest.mark.parametrize("noise", [1e-6, 0.03, 0.3])
+def test_a_vibration_is_no_jump(noise: float) -> None:
+    """At no frequency does the filter of the least error exceed its bound by more than noise."""
+    random, excess = np.random.default_rng(3), {}
+    for cycles in np.linspace(0.01, 0.49, 49):
+        values = vibration(cycles) + noise * random.standard_normal((201, 3))
+        steps, sigma = most_precise(values, noise)
+        beyond = np.abs(steps.sizes) - steps.motion[:, None]
+        excess[cycles] = float((beyond / (sigma * steps.gains[:, None])).max())
+    assert max(excess.values()) < 6.0, excess
+
+
+@pytest.mark.parametrize(("cycles", "jump"), [(0.04, 5.0), (0.1, 5.0), (0.2, 5.0), (0.25, 12.0), (0.3, 20.0)])
+def test_a_jump_of_several_amplitudes_of_a_vibration_is_found(cycles: float, jump: float) -> None:
+    """A vibration everywhere does not hide a jump at one place."""
+    values = vibration(cycles) + 1e-6 * np.random.default_rng(3).standard_normal((201, 3))
+    values[90:, 1] += jump
+    steps, sigma = most_precise(values, 1e-6)
+    row, axis = divmod(int(np.argmax(np.abs(steps.sizes) - steps.motion[:, None])), 3)
+    assert (int(steps.before[row]), axis) == (89, 1)
+    assert abs(steps.sizes[row, axis]) - steps.motion[row] > 7.0 * sigma * steps.gains[row]
+
+
+def test_spikes_are_not_taken_for_a_vibration() -> None:
+    """Single samples far off leave residuals, but not everywhere."""
+    values = 0.01 * np.random.default_rng(3).standard_normal((401, 3))
+    values[[120, 300], 0] += 5.0
+    steps = find_steps(TIMES_NS[:401], VectorSamples(values), half_width=12, degree=5, sigma=0.01)
+    assert np.max(np.abs(steps.sizes) - steps.motion[:, None]) > 1.0
+
+
+def vibration(cycles: float) -> NDArray[np.float64]:
+    """Return a vibration (201, 3) of so many cycles a sample, with amplitudes up to 1, beside a slow motion."""
+    samples = np.arange(201)[:, None]
+    slow = 10.0 * np.sin(2 * np.pi * 0.0025 * samples)
+    values: NDArray[np.float64] = slow + np.sin(2 * np.pi * cycles * samples + [0.3, 1.9, 4.0]) * [0.3, 1.0, 0.05]
+    return values
+
+
+def most_precise(values: NDArray[np.float64], least_sigma: float) -> tuple[StepEstimates, float]:
+    """Return the jumps of samples by the filter of the least error, and the noise."""
+    times_ns, curve = TIMES_NS[: len(values)], VectorSamples(values)
+    level = noise_level(times_ns, curve, order=NOISE_ORDER)
+    assert level is not None
+    sigma = max(least_sigma, level.sigma)
+    filters = ((4, 5), (6, 7), (8, 5), (12, 5), (24, 5), (12, 3), (24, 3))
+    candidates = [find_steps(times_ns, curve, half_width=w, degree=d, sigma=sigma) for w, d in filters]
+    return most_precise_steps(candidates, sigma), sigma
 
 
 def test_noisy_poses_are_searched_by_long_filters_and_exact_ones_by_short() -> None:
