@@ -40,11 +40,11 @@ class ImuRotation(WindowCheck[WindowMotion]):
     Noise model
     -----------
     Declared pose noise, which neighbouring residuals share with opposite sign; white noise of the gyro; timestamps
-    rounded to a microsecond (0.29 us times the rate); stored digits; a declared random walk of the bias, as one unknown
-    a segment. Without declared noise, the values of ``pose.noise`` and ``imu.noise`` are used. Errors are formal ones,
-    multiplied by a misfit above 1, and widened where the spread over segments exceeds them. The model error bound is
-    the error of the integration, estimated from every second sample (Richardson: fourth order, a fifteenth of the
-    difference).
+    rounded to a microsecond (0.29 us times the rate); stored digits; a declared random walk of the bias, whose values
+    at both ends of a segment are unknowns, and whose course between them is noise of the rows. Without declared noise,
+    the values of ``pose.noise`` and ``imu.noise`` are used. Errors are formal ones, multiplied by a misfit above 1, and
+    widened where the spread over segments exceeds them. The model error bound is the error of the integration,
+    estimated from every second sample (Richardson: fourth order, a fifteenth of the difference).
 
     The noise of the gyro's own samples biases gain and timing. Its effect is measured from two halves of the samples,
     subtracted, and not counted as information: quiet flight increases the error and does not bias the result. Samples
@@ -60,7 +60,7 @@ class ImuRotation(WindowCheck[WindowMotion]):
     -------
     J. Bortz, IEEE Trans. AES 7 (1971) 61; P. Savage, J. Guidance 21 (1998) 19; C. Forster et al., On-manifold
     preintegration, IEEE Trans. Robotics 33 (2017) 1; ``fedora_qa/estimators/imu/preintegration.py``,
-    ``grouped_fit.py``, ``sequence_fit.py``.
+    ``bias_walk.py``, ``grouped_fit.py``, ``sequence_fit.py``.
     """
 
     name = "imu.rotation"

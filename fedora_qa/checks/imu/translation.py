@@ -37,9 +37,8 @@ class ImuTranslation(WindowCheck[WindowMotion]):
     -----------
     Position noise as declared, or measured without a declaration (``imu.rotation``), which three neighbours share (1,
     -2, 1); white noise of the accelerometer; noise of orientations, which rotates the force and has an effect only
-    across it; rounded timestamps (0.29 us times the speed); stored digits; a declared random walk of the bias, as one
-    unknown a segment. Errors, the bound of the integration, and the mean error of samples in steps are as in
-    ``imu.rotation``.
+    across it; rounded timestamps (0.29 us times the speed); stored digits; a declared random walk of the bias, the
+    errors, the bound of the integration, and the mean error of samples in steps as in ``imu.rotation``.
 
     Cannot detect
     -------------

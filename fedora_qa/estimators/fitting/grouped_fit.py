@@ -136,8 +136,7 @@ class GroupedFit:
         (P,) values that were subtracted from the samples before they were linearised. Fitted values count from 0, not
         from these values.
     nuisance_covariance
-        (B, B) prior covariance of a nuisance between the segments; it holds for each of the Q nuisances of a segment,
-        which are independent. None where there are no nuisances.
+        Prior covariance of the nuisances, as of ``SegmentNuisances``; None where there are none.
     scatters
         The same segments with the residuals and jacobians that noise alone causes (``sequence_fit.with_scatter``).
         Their scores are subtracted, and their information is not counted. None where the regressors have no noise.
@@ -264,6 +263,10 @@ class GroupedFit:
         """Return the values (P,) of all parameters fitted together."""
         values: Float64 = inverse_of(self._normal) @ self._right
         return values
+
+    def nuisances(self, values: Float64) -> Float64:
+        """Return the nuisances (B, Q) that fit best beside given parameters (P,); (B, 0) where there are none."""
+        return self._sums.nuisances(values)
 
     def local(self, name: str) -> SegmentDeviations:
         """Return the deviations of a parameter in each segment from the fit of the freed parameters.

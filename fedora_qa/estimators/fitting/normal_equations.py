@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
+from scipy.linalg import solve_banded, solveh_banded
 
 Float64 = NDArray[np.float64]
 
@@ -61,8 +61,32 @@ class BlockEquations:
         return replace(self, right=self.right + shift, squares=float(squares))
 
 
+@dataclass(frozen=True, slots=True)
+class MarkovNoise:
+    """Noise of n rows by a disturbance of k components whose value at a row depends on those at its neighbours alone.
+
+    Attributes
+    ----------
+    jacobians
+        (n, 3, k) derivatives of the residuals of each row by its disturbance.
+    information
+        (2, n) inverse of the covariance of each component between rows, as bands in the upper form of
+        ``scipy.linalg.solveh_banded``. Components are independent and alike.
+    deficits
+        (n, 3) by which the noise of a residual varies less than so, in its unit squared, independently of other rows.
+    """
+
+    jacobians: Float64
+    information: Float64
+    deficits: Float64
+
+
 def block_equations(
-    residuals: Float64, jacobians: Float64, covariance_bands: Float64, model_errors: Float64
+    residuals: Float64,
+    jacobians: Float64,
+    covariance_bands: Float64,
+    model_errors: Float64,
+    markov: MarkovNoise | None = None,
 ) -> BlockEquations:
     """Whiten the rows of one segment and sum their normal equations.
 
@@ -76,6 +100,8 @@ def block_equations(
     covariance_bands
         (3, u + 1, n) covariance of the noise between rows on each axis, with u bands beside the diagonal, in the upper
         form of ``scipy.linalg.solveh_banded``. Noise of different axes is independent.
+    markov
+        Further noise, which mixes the axes.
 
     Returns
     -------
@@ -89,7 +115,11 @@ def block_equations(
     """
     columns = jacobians.shape[-1]
     stacked = np.concatenate((jacobians, residuals[..., None], model_errors[..., None]), axis=-1)
-    whitened = np.stack([solveh_banded(bands, stacked[:, axis]) for axis, bands in enumerate(covariance_bands)], axis=1)
+    if markov is None:
+        of_axes = [solveh_banded(bands, stacked[:, axis]) for axis, bands in enumerate(covariance_bands)]
+        whitened = np.stack(of_axes, axis=1)
+    else:
+        whitened = _whitened(stacked, covariance_bands, markov)
     # gram = [J r m]^T C^-1 [J r m]: it holds the normal matrix, both right sides and the squares.
     gram = np.einsum("nai,naj->ij", stacked, whitened)
     return BlockEquations(
@@ -99,6 +129,78 @@ def block_equations(
         squares=float(gram[columns, columns]),
         count=residuals.size,
     )
+
+
+def markov_squares(covariance_bands: Float64, markov: MarkovNoise) -> float:
+    """Return the expected whitened squares of the disturbance alone, ``tr (C + N)^-1 N`` with ``N = A M A^T - D``.
+
+    That is how many of the 3 n residuals are noise of the disturbance rather than of the rows.
+
+    Parameters
+    ----------
+    covariance_bands, markov
+        As of ``block_equations``.
+
+    Returns
+    -------
+    float
+        0 to 3 n.
+
+    Sources
+    -------
+    M. Hutchinson, Comm. Statistics Simulation 19 (1990) 433: the trace of B is the mean of v^T B v over random signs v.
+    """
+    rows = covariance_bands.shape[2]
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(rows, 3))
+    whitened = _whitened(signs[..., None], covariance_bands, markov)[..., 0]
+    # tr (C + N)^-1 N = 3 n - tr (C + N)^-1 C.
+    squares = float(signs.size)
+    upper = covariance_bands.shape[1] - 1
+    for lag in range(upper + 1):
+        products = signs[lag:] * whitened[: rows - lag]
+        if lag > 0:
+            products = products + signs[: rows - lag] * whitened[lag:]
+        squares -= float(np.sum(covariance_bands[:, upper - lag, lag:].T * products))
+    return max(squares, 0.0)
+
+
+def _whitened(values: Float64, covariance_bands: Float64, markov: MarkovNoise) -> Float64:
+    """Return ``(C + A M A^T - D)^-1 y`` of values y (n, 3, c).
+
+    A are the jacobians of the disturbance, M is its covariance, D the diagonal of the deficits. With ``z = M A^T x``
+    the solution x of ``(C + A M A^T - D) x = y`` is that of the banded system
+
+        [ C - D  A     ] [x]   [y]
+        [ A^T    -M^-1 ] [z] = [0],
+
+    whose unknowns are taken row by row: three of x, then k of z.
+    """
+    rows, components = len(values), markov.jacobians.shape[-1]
+    size, upper = 3 + components, covariance_bands.shape[1] - 1
+    reach = size * max(upper, 1)
+    # Residuals in units of their sigma, so that all pivots are of similar size.
+    sigmas = np.sqrt(covariance_bands[:, -1].T)
+    # Element (i, j) of the matrix is bands[reach + i - j, j].
+    bands = np.zeros((2 * reach + 1, rows * size))
+    for axis, of_axis in enumerate(covariance_bands):
+        for lag in range(upper + 1):
+            scaled = of_axis[upper - lag, lag:] / (sigmas[lag:, axis] * sigmas[: rows - lag, axis])
+            bands[reach - size * lag, axis + size * lag :: size] = scaled
+            bands[reach + size * lag, axis : size * (rows - lag) : size] = scaled
+        bands[reach, axis::size] -= markov.deficits[:, axis] / np.square(sigmas[:, axis])
+        for component in range(components):
+            scaled, apart = markov.jacobians[:, axis, component] / sigmas[:, axis], 3 + component - axis
+            bands[reach - apart, 3 + component :: size] = scaled
+            bands[reach + apart, axis::size] = scaled
+    for component in range(3, size):
+        bands[reach, component::size] = -markov.information[1]
+        bands[reach - size, component + size :: size] = -markov.information[0, 1:]
+        bands[reach + size, component : size * (rows - 1) : size] = -markov.information[0, 1:]
+    right = np.zeros((rows, size, values.shape[-1]))
+    right[:, :3] = values / sigmas[..., None]
+    solved = solve_banded((reach, reach), bands, right.reshape(rows * size, -1), overwrite_ab=True, overwrite_b=True)
+    whitened: Float64 = solved.reshape(right.shape)[:, :3] / sigmas[..., None]
+    return whitened
 
 
 def inverse_of(normal: Float64) -> Float64:
@@ -135,7 +237,7 @@ class SummedEquations:
     count
         Number P of parameters; the unknowns after them are nuisances of the segment.
     nuisance_covariance
-        (B, B) prior covariance of a nuisance between segments; None where there are no nuisances.
+        Prior covariance of the nuisances, as of ``SegmentNuisances``; None where there are none.
 
     Attributes
     ----------
@@ -180,6 +282,10 @@ class SummedEquations:
         scores: Float64 = self._rights - self.normals @ values
         return scores if self._nuisances is None else scores - self._nuisances.scores(values)
 
+    def nuisances(self, values: Float64) -> Float64:
+        """Return the nuisances (B, Q) that fit best beside given parameters (P,); (B, 0) where there are none."""
+        return np.empty((len(self.normals), 0)) if self._nuisances is None else self._nuisances.values(values)
+
 
 class SegmentNuisances:
     """Nuisances of B segments, correlated between segments by their prior, eliminated from the equations.
@@ -191,8 +297,8 @@ class SegmentNuisances:
     count
         Number P of parameters; all unknowns after them are nuisances.
     covariance
-        (B, B) prior covariance of a nuisance between segments. It holds for each nuisance of a segment; different
-        nuisances are independent.
+        (B m, B m) prior covariance of m nuisances of each segment, segment by segment. It holds for each component of
+        them: the Q nuisances of a segment are m vectors of Q / m components, and different components are independent.
 
     Attributes
     ----------
@@ -203,8 +309,8 @@ class SegmentNuisances:
 
     def __init__(self, blocks: Sequence[BlockEquations], count: int, covariance: Float64) -> None:
         segments, nuisances = len(blocks), len(blocks[0].right) - count
-        # Prior information of the nuisances: C^-1 between segments, the Q nuisances of a segment independent.
-        own = np.kron(np.linalg.inv(covariance), np.eye(nuisances))
+        # Prior information of the nuisances: C^-1 between them, their components independent.
+        own = np.kron(np.linalg.inv(covariance), np.eye(segments * nuisances // len(covariance)))
         for segment, block in enumerate(blocks):
             columns = slice(segment * nuisances, (segment + 1) * nuisances)
             own[columns, columns] += block.normal[count:, count:]
@@ -233,7 +339,18 @@ class SegmentNuisances:
         Float64
             (B, P).
         """
-        # Back-substitution: q = Q^-1 (c - M^T p); M q is the explained part of the right sides.
-        fitted = (self._inverse @ (self._right - self._joined.T @ parameters)).reshape(self._shape)
-        explained: Float64 = np.einsum("bpq,bq->bp", self._mixed, fitted)
+        # M q is the explained part of the right sides.
+        explained: Float64 = np.einsum("bpq,bq->bp", self._mixed, self.values(parameters))
         return explained
+
+    def values(self, parameters: Float64) -> Float64:
+        """Return the nuisances (B, Q) that fit best beside given parameters.
+
+        Parameters
+        ----------
+        parameters
+            (P,) values.
+        """
+        # Back-substitution: q = Q^-1 (c - M^T p).
+        values: Float64 = (self._inverse @ (self._right - self._joined.T @ parameters)).reshape(self._shape)
+        return values

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
+from fedora_qa.estimators.imu.bias_walk import SegmentWalk
 from fedora_qa.geometry import so3
 
 Float64 = NDArray[np.float64]
@@ -244,6 +245,8 @@ class ComparisonRows:
         None where no such noise is declared.
     rounding_bias
         (3,) bound on the mean error by which samples of the sensor were rounded, on each of its axes, in its unit.
+    walk
+        Random walk of the bias at the rows, which ``covariance_bands`` do not contain; None where none is declared.
     """
 
     poses: NDArray[np.intp]
@@ -256,6 +259,7 @@ class ComparisonRows:
     covariance_bands: Float64
     scatter: "ComparisonRows | None" = None
     rounding_bias: Float64 = field(default_factory=lambda: np.zeros(3))
+    walk: SegmentWalk | None = None
 
     @property
     def error_bounds(self) -> Float64:
@@ -269,8 +273,34 @@ class ComparisonRows:
     @property
     def sigmas(self) -> Float64:
         """Standard deviation (n, 3) of each residual, in its unit."""
-        sigmas: Float64 = np.sqrt(self.covariance_bands[:, -1].T)
+        variances = self.covariance_bands[:, -1].T
+        if self.walk is not None:
+            variances = variances + self.by_bias(self.walk.variances)
+        sigmas: Float64 = np.sqrt(variances)
         return sigmas
+
+    @property
+    def bridge_variances(self) -> Float64:
+        """Variance (n, 3) that the walk adds to each residual, given the biases at both ends of the segment."""
+        return np.zeros_like(self.residuals) if self.walk is None else self.by_bias(self.walk.bridge_variances)
+
+    @property
+    def sigmas_between_ends(self) -> Float64:
+        """Standard deviation (n, 3) of each residual, given the biases at both ends of the segment."""
+        sigmas: Float64 = np.sqrt(self.covariance_bands[:, -1].T + self.bridge_variances)
+        return sigmas
+
+    @property
+    def end_jacobians(self) -> Float64:
+        """Derivatives (n, 3, 6) of the residuals by the biases at both ends of the segment; (n, 3, 0) without walk."""
+        if self.walk is None:
+            return np.empty((len(self), 3, 0))
+        return np.concatenate([of_end[:, None, None] * self.bias_jacobians for of_end in self.walk.shares.T], axis=-1)
+
+    def by_bias(self, variances: Float64) -> Float64:
+        """Return the variances (n, 3) of residuals by those (n,) of a bias that are alike on its three axes."""
+        of_residuals: Float64 = np.square(self.bias_jacobians).sum(axis=-1) * variances[:, None]
+        return of_residuals
 
     def select(self, rows: NDArray[np.bool_]) -> "ComparisonRows":
         """Return the rows where a mask (n,) is True. Covariances across omitted rows are set to zero."""
@@ -284,6 +314,7 @@ class ComparisonRows:
             self.poses[rows], self.times_s[rows], self.spans_s[rows], self.residuals[rows], self.model_errors[rows],
             self.jacobians[rows], self.bias_jacobians[rows], bands,
             None if self.scatter is None else self.scatter.select(rows), self.rounding_bias,
+            None if self.walk is None else self.walk.select(rows),
         )  # fmt: skip
 
 

@@ -11,8 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.grouped_fit import FitParameters, GroupedFit
-from fedora_qa.estimators.fitting.normal_equations import BlockEquations, block_equations
+from fedora_qa.estimators.fitting.normal_equations import (
+    BlockEquations,
+    MarkovNoise,
+    block_equations,
+    markov_squares,
+)
 from fedora_qa.estimators.fitting.robust import NORMAL_QUARTILE
+from fedora_qa.estimators.imu.bias_walk import SegmentWalk
 from fedora_qa.estimators.imu.preintegration import (
     ROTATION_PARAMETERS,
     rotation_effects,
@@ -27,7 +33,14 @@ from fedora_qa.estimators.imu.specific_force import (
     with_orientations,
     without_translation_faults,
 )
-from fedora_qa.estimators.imu.summary import FEWEST_ROWS, OUTLIER, InertialFit, disturbed_interval, summarise
+from fedora_qa.estimators.imu.summary import (
+    FEWEST_ROWS,
+    OUTLIER,
+    InertialFit,
+    disturbed_interval,
+    remaining_residuals,
+    summarise,
+)
 
 Float64 = NDArray[np.float64]
 
@@ -64,6 +77,8 @@ class InertialComparison:
         (P,) which parameters ``without`` removes; residuals are linear in all others.
     centre
         Time from that of a row to the middle of what it compares, in spans of the row.
+    holds_means
+        Whether a bias acts on a row by its mean over the span; else by a weighted mean over twice the span.
     """
 
     rows_of: Callable[[InertialSamples, InertialNoise], ComparisonRows]
@@ -73,6 +88,7 @@ class InertialComparison:
     without: Callable[[InertialSamples, Float64], InertialSamples]
     nonlinear: tuple[bool, ...]
     centre: float
+    holds_means: bool
 
 
 ROTATION: Final = InertialComparison(
@@ -83,6 +99,7 @@ ROTATION: Final = InertialComparison(
     without=without_rotation_faults,
     nonlinear=(*[True] * 3, *[False] * 3, *[True] * 4),
     centre=0.5,
+    holds_means=True,
 )
 TRANSLATION: Final = InertialComparison(
     rows_of=translation_rows,
@@ -92,6 +109,7 @@ TRANSLATION: Final = InertialComparison(
     without=without_translation_faults,
     nonlinear=(*[True] * 3, *[False] * 9),
     centre=0.0,
+    holds_means=False,
 )
 
 
@@ -114,8 +132,8 @@ def fit_inertial(
     comparison
         ``ROTATION`` or ``TRANSLATION``.
     bias_walk
-        Declared random walk of the bias of the sensor, rad/s^2/sqrt(Hz) or m/s^3/sqrt(Hz). If it is above 0, each
-        segment has a bias of its own, which follows a random walk from zero.
+        Declared random walk of the bias of the sensor from zero, rad/s^2/sqrt(Hz) or m/s^3/sqrt(Hz). If it is above 0,
+        the biases at both ends of each segment are unknowns, and what the walk does between them is noise of the rows.
 
     Returns
     -------
@@ -149,10 +167,10 @@ def _converged(
     declared: list[ComparisonRows] = []
     linearised_at = np.zeros(len(comparison.parameters.names))
     for _ in range(_MOST_ITERATIONS):
-        segments = _segments(comparison.without(samples, linearised_at), noise, comparison)
+        segments = _segments(comparison.without(samples, linearised_at), noise, comparison, bias_walk)
         if sum(map(len, segments)) < max(FEWEST_ROWS, 0 if first is None else first.rows // 2):
             return first, first_free
-        fit, kept = _robust_fit(segments, comparison.parameters, linearised_at, bias_walk, barred)
+        fit, kept = _robust_fit(segments, comparison.parameters, linearised_at, barred)
         # Only parameters in which the residuals are not linear have to be removed from the samples.
         free = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
         if first is None:
@@ -179,7 +197,9 @@ def _converged(
     return first, first_free
 
 
-def _segments(samples: InertialSamples, noise: InertialNoise, comparison: InertialComparison) -> list[ComparisonRows]:
+def _segments(
+    samples: InertialSamples, noise: InertialNoise, comparison: InertialComparison, bias_walk: float
+) -> list[ComparisonRows]:
     """Return the rows of each segment of time that has enough rows."""
     times_s = samples.pose_times_s
     segments = []
@@ -192,8 +212,14 @@ def _segments(samples: InertialSamples, noise: InertialNoise, comparison: Inerti
         nearby = comparison.prepared(nearby)
         rows = with_scatter(comparison.rows_of(nearby, noise), nearby, noise, comparison.effects_of)
         rows = rows.select((rows.times_s >= first_s) & (rows.times_s <= last_s))
-        if len(rows) >= FEWEST_ROWS:
-            segments.append(rows)
+        if len(rows) < FEWEST_ROWS:
+            continue
+        if bias_walk > 0:
+            middles_s, (before_s, after_s) = rows.times_s + comparison.centre * rows.spans_s, rows.spans_s[[0, -1]] / 2
+            lengths_s = rows.spans_s if comparison.holds_means else np.zeros(len(rows))
+            walk = SegmentWalk(bias_walk, middles_s, middles_s[0] - before_s, middles_s[-1] + after_s, lengths_s)
+            rows = replace(rows, walk=walk)
+        segments.append(rows)
     return segments
 
 
@@ -268,17 +294,17 @@ def _robust_fit(
     segments: list[ComparisonRows],
     parameters: FitParameters,
     linearised_at: Float64,
-    bias_walk: float,
     barred: tuple[str, ...],
 ) -> tuple[GroupedFit, list[NDArray[np.bool_]]]:
     """Fit all rows, then fit without the outliers of the fit of all parameters; return the fit and the rows kept."""
     kept = [np.ones(len(rows), dtype=np.bool_) for rows in segments]
-    fit = _fit(segments, kept, parameters, linearised_at, bias_walk, barred)
+    fit = _fit(segments, kept, parameters, linearised_at, barred)
     for _ in range(3):
-        values = fit.values_of_all() - linearised_at
+        remaining = remaining_residuals(fit, segments, kept, fit.values_of_all(), linearised_at)
         # The largest of the three residuals of each row, in units of its sigma.
         deviations = [
-            (np.abs(rows.residuals - rows.jacobians @ values) / rows.sigmas).max(axis=-1) for rows in segments
+            (np.abs(residuals) / rows.sigmas_between_ends).max(axis=-1)
+            for rows, residuals in zip(segments, remaining, strict=True)
         ]
         # sigma = median / 0.674 for normal values. The median is robust against outliers.
         scale = max(1.0, float(np.median(np.concatenate(deviations))) / NORMAL_QUARTILE)
@@ -287,7 +313,7 @@ def _robust_fit(
         if outliers > _MOST_OUTLIERS * sum(map(len, clean)) or all(map(np.array_equal, clean, kept)):
             break
         kept = clean
-        fit = _fit(segments, kept, parameters, linearised_at, bias_walk, barred)
+        fit = _fit(segments, kept, parameters, linearised_at, barred)
     return fit, kept
 
 
@@ -296,36 +322,53 @@ def _fit(
     kept: list[NDArray[np.bool_]],
     parameters: FitParameters,
     linearised_at: Float64,
-    bias_walk: float,
     barred: tuple[str, ...],
 ) -> GroupedFit:
-    """Fit the rows that are kept, with a bias for each segment if ``bias_walk`` is above 0; barred groups stay 0."""
+    """Fit the rows that are kept, with biases at the ends of each segment if they walk; barred groups stay 0."""
     used = [rows.select(keep) for rows, keep in zip(segments, kept, strict=True) if np.any(keep)]
-    walks = bias_walk > 0
-    scatters = [rows.scatter for rows in used if rows.scatter is not None]
+    walks = [rows.walk for rows in used if rows.walk is not None]
     walk_covariance: Float64 | None = None
     if walks:
-        # Covariance (B, B) of the biases that a random walk from zero gives to segments. Between two segments it is
-        # the time to the middle of the earlier one. The variance of the mean over a segment of length L is smaller by
-        # L/6 than that at its middle, and the mean square deviation of the walk from that mean is L/6. Both disturb a
-        # fit; their sum is the time to the middle.
-        middles_s = np.maximum([rows.times_s.mean() for rows in used], 0.0)
-        # Wiener process: E[b(s) b(t)] = walk^2 min(s, t).
-        shared_s = np.minimum(middles_s[:, None], middles_s)
-        walk_covariance = bias_walk**2 * (shared_s + _LEAST_WALK_S * np.eye(len(used)))
-    blocks = [_equations(rows, walks) for rows in used]
+        # Covariance (2 B, 2 B) of the biases at the ends of segments. Wiener process: E[b(s) b(t)] = walk^2 min(s, t).
+        ends_s = np.maximum([end_s for walk in walks for end_s in (walk.start_s, walk.stop_s)], 0.0)
+        shared_s = np.minimum(ends_s[:, None], ends_s)
+        walk_covariance = walks[0].density ** 2 * (shared_s + _LEAST_WALK_S * np.eye(len(ends_s)))
+    scatters = [_scatter_equations(rows, parameters) for rows in used]
     biases = np.array([rows.rounding_bias for rows in used])
     return GroupedFit(
-        blocks,
+        [_equations(rows, rows) for rows in used],
         parameters,
         linearised_at,
         walk_covariance,
-        [_equations(rows, walks) for rows in scatters] if len(scatters) == len(used) else None,
+        [block for block in scatters if block is not None] if None not in scatters else None,
         barred,
         biases if biases.any() else None,
     )
 
 
-def _equations(rows: ComparisonRows, walks: bool) -> BlockEquations:
-    jacobians = np.concatenate((rows.jacobians, rows.bias_jacobians), axis=-1) if walks else rows.jacobians
-    return block_equations(rows.residuals, jacobians, rows.covariance_bands, rows.model_errors)
+def _scatter_equations(rows: ComparisonRows, parameters: FitParameters) -> BlockEquations | None:
+    """Return the equations of what noise of the samples alone gives; None without such noise."""
+    if rows.walk is None:
+        return None if rows.scatter is None else _equations(rows.scatter, rows)
+    silent = replace(rows, residuals=np.zeros_like(rows.residuals), jacobians=np.zeros_like(rows.jacobians))
+    block = _equations(silent if rows.scatter is None else rows.scatter, rows)
+    if "scale" in parameters.groups:
+        # A gain acts on the walking bias of the samples, too. Its regressor contains the change A b of the residual by
+        # the bridge b: E[(A b)^T C^-1 A b] is in the score and in the information.
+        (gain,) = parameters.groups["scale"]
+        squares = markov_squares(rows.covariance_bands, _bridge(rows, rows.walk))
+        block.normal[gain, gain] += squares
+        block.right[gain] += squares
+    return block
+
+
+def _equations(rows: ComparisonRows, noise: ComparisonRows) -> BlockEquations:
+    """Return the equations of rows with the unknown biases and the noise of ``noise``, which are the same rows."""
+    if noise.walk is None:
+        return block_equations(rows.residuals, rows.jacobians, rows.covariance_bands, rows.model_errors)
+    jacobians, bridge = np.concatenate((rows.jacobians, noise.end_jacobians), axis=-1), _bridge(noise, noise.walk)
+    return block_equations(rows.residuals, jacobians, rows.covariance_bands, rows.model_errors, bridge)
+
+
+def _bridge(rows: ComparisonRows, walk: SegmentWalk) -> MarkovNoise:
+    return MarkovNoise(rows.bias_jacobians, walk.bridge_information, rows.by_bias(walk.mean_deficits))

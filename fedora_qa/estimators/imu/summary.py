@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.grouped_fit import GroupedFit, ParameterEstimate
 from fedora_qa.estimators.fitting.robust import SensitivityRange, sensitivity_range
+from fedora_qa.estimators.imu.bias_walk import BRIDGE_SQUARES
 from fedora_qa.estimators.imu.noisy_part import PartialBias, noisy_part
 from fedora_qa.estimators.imu.samples import ComparisonRows
 
@@ -396,7 +397,8 @@ def summarise(
 ) -> InertialFit:
     """Return the summary of a fit.
 
-    Residuals are those of the rows less the free parameters beyond ``linearised_at``.
+    Residuals are those of the rows less the free parameters beyond ``linearised_at``, and less the biases between the
+    ends of each segment where these are unknowns.
 
     Parameters
     ----------
@@ -419,17 +421,21 @@ def summarise(
         Of the rows of all segments; ``rms`` counts fitted rows only.
     """
     free = fit.values_of_free()
-    values = free - linearised_at
-    residuals = [rows.residuals - rows.jacobians @ values for rows in segments]
-    sigmas = np.concatenate([rows.sigmas[keep] for rows, keep in zip(segments, kept, strict=True)])
+    residuals = remaining_residuals(fit, segments, kept, free, linearised_at)
+    sigmas = np.concatenate([rows.sigmas_between_ends[keep] for rows, keep in zip(segments, kept, strict=True)])
     squares = np.concatenate([np.square(r[keep]) for r, keep in zip(residuals, kept, strict=True)])
     expected = float(np.sqrt(np.mean(np.square(sigmas))))
     rms = float(np.sqrt(np.mean(squares)))
     # Standard error of the rms of Gaussian rows whose neighbours have the correlation -1/2 or -2/3. Squares of
     # neighbours have the square of that as correlation, so that the variance of their mean is at most
     # 1 + 2 (4/9 + 1/36) = 1.94 times that of independent ones.
-    weights = np.square(sigmas) / np.mean(np.square(sigmas))
+    bridge_variances = [rows.bridge_variances[keep] for rows, keep in zip(segments, kept, strict=True)]
+    weights = (np.square(sigmas) - np.concatenate(bridge_variances)) / np.mean(np.square(sigmas))
+    # Over a segment the squares of a bridge have a sum with the mean V and the variance 2 0.4 V^2. Both variances are
+    # 2 |C|^2 with Frobenius' norm of a part of the covariance, of which the norm of the sum is at most the sum.
+    walked = np.sqrt(2 * BRIDGE_SQUARES * sum(np.sum(of_rows.sum(axis=0) ** 2) for of_rows in bridge_variances))
     rms_error = float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (2 * sigmas.size)))
+    rms_error += float(walked / sigmas.size / (2 * expected))
     # smoothness = sum of r_i r_i+1 / sum of r_i^2, over all segments and axes. Rows that were left out part neighbours.
     products = 0.0
     for rows, of_segment in zip(segments, residuals, strict=True):
@@ -438,17 +444,18 @@ def summarise(
     total = sum(float(np.sum(np.square(rows))) for rows in residuals)
     all_model_errors = np.concatenate([rows.error_bounds.max(axis=1) for rows in segments])
     row_sensitivity = sensitivity_range(
-        np.concatenate([rows.sigmas for rows in segments]), all_model_errors[:, np.newaxis]
+        np.concatenate([rows.sigmas_between_ends for rows in segments]), all_model_errors[:, np.newaxis]
     )
     # The worst row deviates most in units of its sigma, on its worst axis.
     worst_rows = []
     for rows, of_segment in zip(segments, residuals, strict=True):
-        row, axis = np.unravel_index(np.argmax(np.abs(of_segment) / rows.sigmas), of_segment.shape)
+        sigmas_of_rows = rows.sigmas_between_ends
+        row, axis = np.unravel_index(np.argmax(np.abs(of_segment) / sigmas_of_rows), of_segment.shape)
         worst_rows.append(
             WorstRow(
                 time_s=float(rows.times_s[row]),
                 value=float(of_segment[row, axis]),
-                sigma=float(rows.sigmas[row, axis]),
+                sigma=float(sigmas_of_rows[row, axis]),
                 model_error=float(rows.error_bounds[row].max()),
                 sensitivity=row_sensitivity,
             )
@@ -516,6 +523,33 @@ def summarise(
         partial_gain=gain,
         bias_drift=bias_drift(declared),
     )
+
+
+def remaining_residuals(
+    fit: GroupedFit,
+    segments: Sequence[ComparisonRows],
+    kept: Sequence[NDArray[np.bool_]],
+    values: Float64,
+    linearised_at: Float64,
+) -> list[Float64]:
+    """Return the residuals (n, 3) of each segment less parameters, and less the walking bias that fits best.
+
+    Parameters
+    ----------
+    fit
+        Of the rows that were kept.
+    segments, kept, linearised_at
+        As of ``summarise``.
+    values
+        (P,) parameters.
+    """
+    residuals = [rows.residuals - rows.jacobians @ (values - linearised_at) for rows in segments]
+    # Segments of which no row was kept have no biases.
+    fitted = [number for number, keep in enumerate(kept) if np.any(keep)]
+    for number, biases in zip(fitted, fit.nuisances(values), strict=True):
+        if len(biases):
+            residuals[number] -= segments[number].end_jacobians @ biases
+    return residuals
 
 
 def disturbed_interval(segments: list[ComparisonRows]) -> tuple[float, float] | None:

@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.normal_equations import (
     BlockEquations,
+    MarkovNoise,
     SummedEquations,
     block_equations,
     inverse_of,
+    markov_squares,
 )
 
 Floats = NDArray[np.float64]
@@ -89,6 +91,48 @@ def test_sums_are_those_of_what_the_nuisances_leave(rows: Rows) -> None:
     prior = np.einsum("sq,st,tq->", fitted, np.linalg.inv(COVARIANCE), fitted)
     squares = rows.products(left[..., np.newaxis], left[..., np.newaxis]).sum()
     assert sums.squares == pytest.approx(squares + prior)
+
+
+def test_nuisances_of_several_vectors_are_those_of_one_dense_system(rows: Rows) -> None:
+    """A covariance between two nuisances of each segment, of one component each."""
+    order = np.arange(1.0, SEGMENTS * NUISANCES + 1)
+    covariance, values = np.minimum.outer(order, order), np.array([0.3, -0.2, 0.1])
+    residuals = rows.residuals - rows.jacobians @ values
+    own = np.linalg.inv(covariance)
+    for segment, normal in enumerate(rows.products(rows.nuisances, rows.nuisances)):
+        columns = slice(segment * NUISANCES, (segment + 1) * NUISANCES)
+        own[columns, columns] += normal
+    due = np.linalg.solve(own, rows.products(rows.nuisances, residuals[..., np.newaxis]).ravel())
+    sums = SummedEquations(rows.blocks(), PARAMETERS, covariance)
+    np.testing.assert_allclose(sums.nuisances(values), due.reshape(SEGMENTS, NUISANCES), rtol=1e-9)
+    assert SummedEquations(rows.blocks(), PARAMETERS, None).nuisances(values).shape == (SEGMENTS, 0)
+
+
+@pytest.mark.parametrize("upper", [0, 1, 2])
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 30.0])
+def test_markov_noise_is_whitened_as_by_its_dense_covariance(rows: Rows, upper: int, scale: float) -> None:
+    """A Wiener process of two components, of no matter which size, that mixes the axes."""
+    bands = np.tile([*[np.full(ROWS, -1.0)] * upper, np.full(ROWS, 6.0)], (3, 1, 1))
+    white = sum(np.diag(np.full(ROWS - lag, 6.0 if lag == 0 else -1.0), lag) for lag in range(upper + 1))
+    white = white + np.triu(white, 1).T
+    jacobians, of_noise = rows.jacobians[0], scale * rows.nuisances[0]
+    steps = np.arange(1.0, ROWS + 1)
+    information = np.stack([np.full(ROWS, -1.0), np.append(np.full(ROWS - 1, 2.0), 1.0)])
+    # (n, 3, n, 3): the same on each axis, and the disturbance of all.
+    by_noise = np.einsum("nak,nm,mbk->namb", of_noise, np.minimum.outer(steps, steps), of_noise)
+    deficits = 0.1 * np.einsum("nak,nak->na", of_noise, of_noise)
+    by_noise -= np.einsum("na,nm,ab->namb", deficits, np.eye(ROWS), np.eye(3))
+    covariance = np.einsum("nm,ab->namb", white, np.eye(3)) + by_noise
+    weight = np.linalg.inv(covariance.reshape(3 * ROWS, 3 * ROWS))
+    flat, residuals = jacobians.reshape(3 * ROWS, -1), rows.residuals[0].ravel()
+    markov = MarkovNoise(of_noise, information, deficits)
+    block = block_equations(rows.residuals[0], jacobians, bands, rows.model_errors[0], markov)
+    np.testing.assert_allclose(block.normal, flat.T @ weight @ flat, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(block.right, flat.T @ weight @ residuals, rtol=1e-7, atol=1e-9)
+    assert block.squares == pytest.approx(residuals @ weight @ residuals)
+    # Products of random signs beside the diagonal scatter by the root of twice the trace at most.
+    squares = np.trace(weight @ by_noise.reshape(3 * ROWS, 3 * ROWS))
+    assert markov_squares(bands, markov) == pytest.approx(squares, abs=1e-9 + 1.5 * np.sqrt(2 * squares))
 
 
 def test_equations_count_from_zero_wherever_they_were_linearised(rows: Rows) -> None:

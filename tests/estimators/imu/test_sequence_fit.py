@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
 from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, InertialComparison, fit_inertial
 from fedora_qa.estimators.imu.summary import InertialFit
-from tests.support.motion_world import EXACT, GRAVITY_M_S2, HOVER, NOISY, RESTLESS, sample_motion
+from tests.support.motion_world import EXACT, GRAVITY_M_S2, HOVER, NOISY, RESTLESS, Motion, sample_motion
 
 Plant = Callable[[InertialSamples], InertialSamples]
 
@@ -141,6 +141,37 @@ def test_a_walking_bias_is_no_fault() -> None:
     assert all(abs(allowed[name].value) < 4 * allowed[name].standard_error for name in names)
     forbidden = fitted(TRANSLATION, samples, replace(noise, accel_walk=0.0)).parameters
     assert any(abs(forbidden[name].value) > 6 * forbidden[name].standard_error for name in names)
+
+
+@pytest.mark.parametrize("white", [EXACT, NOISY], ids=["no white noise", "white noise"])
+@pytest.mark.parametrize("motion", [RESTLESS, HOVER], ids=["restless", "hover"])
+def test_a_walk_far_above_white_noise_is_no_fault(white: InertialNoise, motion: Motion) -> None:
+    """What a bias does within a segment is noise of its rows: all statistics scatter as their errors say.
+
+    A gain acts on the walk as well, which is most of what the gyro of a hovering body measures.
+    """
+    noise = replace(white, gyro_walk=5e-3, accel_walk=5e-2)
+    deviations: dict[str, list[float]] = {}
+    for seed in range(6):
+        samples = sample_motion(motion, noise, seed=seed)
+        for comparison in (ROTATION, TRANSLATION):
+            found = fitted(comparison, samples, noise)
+            assert found.settled
+            assert not any(one.free for one in found.parameters.values())
+            assert found.rms < found.expected_rms + 4 * found.rms_error
+            assert abs(found.worst.value) < 5 * found.worst.sigma
+            for name, one in found.parameters.items():
+                deviations.setdefault(name, []).append(one.value / one.standard_error)
+    assert np.max(np.abs(np.concatenate(list(deviations.values())))) < 4.7
+
+
+def test_what_a_walk_does_within_a_segment_is_in_the_expected_residual() -> None:
+    """w sqrt(L/6) h rad of a row that spans h, in a segment of length L, beside hardly any white noise."""
+    walk, segment_s, step_s = 5e-3, 0.5, 0.005
+    noise = replace(EXACT, gyro_walk=walk)
+    found = fitted(ROTATION, sample_motion(HOVER, noise), noise)
+    assert found.expected_rms == pytest.approx(walk * np.sqrt(segment_s / 6) * step_s, rel=0.02)
+    assert found.rms == pytest.approx(found.expected_rms, rel=0.3)
 
 
 def test_a_jump_is_left_out_of_the_fit_and_named_as_its_worst_row() -> None:
