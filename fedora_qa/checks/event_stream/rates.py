@@ -95,7 +95,8 @@ class EventStreamRates(Check[PixelCounts]):
     In a scene that oscillates (hovering), neighbours differ in the same way in every swing: one pixel just reaches its
     threshold each time, and the others never do. One event a swing is therefore allowed. The number of swings is the
     largest number of runs of equal polarity that a pixel and three of its neighbours have all reached anywhere on the
-    sensor.
+    sensor. Of a pixel that reverses no more often, and whose successive runs of equal polarity are of equal length, or
+    differ by one event in half of the cases at most, all events are allowed: an edge swings within a single pixel.
 
     A declared size that is too large adds columns on the right, or rows below, without events. A view without edges
     does so too. Only where the declared principal point is the centre of the columns (rows) with events, and not that

@@ -294,6 +294,36 @@ def tally_events(x: Columns, y: Columns, p: Polarities, packed: Int64) -> None:
 
 
 @njit(cache=True)
+def tally_run_lengths(x: Columns, y: Columns, p: Polarities, pairs: Int64, squares: Int64) -> None:
+    """Add the differences between the lengths of successive runs of equal polarity of each pixel.
+
+    The first and the last run of a pixel are left out: other events may belong to them.
+
+    Parameters
+    ----------
+    x, y, p
+        (m,) columns, rows and polarities of events, as the module describes them.
+    pairs, squares
+        (h, w) the number of pairs and the sum of the squared differences are added.
+    """
+    lengths = np.zeros((*pairs.shape, 3), np.int32)
+    runs = np.zeros(pairs.shape, np.int32)
+    polarities = np.empty(pairs.shape, np.uint8)
+    for i in range(len(x)):
+        row, column = y[i], x[i]
+        last = lengths[row, column]
+        if runs[row, column] == 0 or polarities[row, column] != p[i]:
+            # A run ends: it is compared with the one before the last, of the same polarity.
+            if runs[row, column] > 3:
+                pairs[row, column] += 1
+                squares[row, column] += np.int64(last[0] - last[2]) ** 2
+            last[2], last[1], last[0] = last[1], last[0], 0
+            runs[row, column] += 1
+            polarities[row, column] = p[i]
+        last[0] += 1
+
+
+@njit(cache=True)
 def find_repeats(x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[int, int]) -> tuple[int, int, int, int]:
     """Count the events that share pixel and timestamp with an event before, and the doubled ticks.
 

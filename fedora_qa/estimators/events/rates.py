@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri_exp
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.events.pixels import EVENT, FIRST, LAST, RUN, tally_events
+from fedora_qa.estimators.events.pixels import EVENT, FIRST, LAST, RUN, tally_events, tally_run_lengths
 
 Float64 = NDArray[np.float64]
 Int32 = NDArray[np.int32]
@@ -42,6 +42,9 @@ _RING: Final = 2
 _MIDDLE, _THIRD = 12, 3
 """Ranks of the 24 neighbours, counted from the largest: the 12th (13th from the smallest), which serves as their
 median, and the third."""
+
+_FEWEST_PAIRS: Final = 20
+"""Least number of pairs of runs for even ones: a hot pixel has them by chance with a probability of 0.72^20 = 0.1%."""
 
 TILES = 8
 """Tiles a side of the image."""
@@ -65,14 +68,19 @@ class PixelCounts:
     ----------
     packed
         (h, w) one number for each pixel, in the layout of ``tally_events``.
+    run_pairs, squared_run_differences
+        (h, w) number of pairs of successive runs of equal polarity that were added together, and the sum of the squared
+        differences of their lengths.
     """
 
     packed: Int64
+    run_pairs: Int64
+    squared_run_differences: Int64
 
     @classmethod
     def of_nothing(cls, shape: tuple[int, int]) -> "PixelCounts":
         """Return the counts of a sensor of ``shape`` (rows, columns) without events."""
-        return cls(np.zeros(shape, np.int64))
+        return cls(np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(shape, np.int64))
 
     @property
     def events(self) -> Int64:
@@ -94,8 +102,13 @@ class PixelCounts:
         """Polarity (h, w) of the last event, -1 where there is none."""
         return np.where(self.packed == 0, -1, (self.packed & LAST) // LAST)
 
+    @property
+    def even(self) -> NDArray[np.bool_]:
+        """Whether at most half of the successive runs of equal polarity differ (h, w), by one event."""
+        return (self.run_pairs >= _FEWEST_PAIRS) & (2 * self.squared_run_differences <= self.run_pairs)
+
     def add(self, x: NDArray[np.uint16], y: NDArray[np.uint16], p: NDArray[np.uint8]) -> None:
-        """Count the events that come next, in place.
+        """Count the events that come next, in place; runs of separate calls are not compared with each other.
 
         Parameters
         ----------
@@ -105,13 +118,18 @@ class PixelCounts:
             (m,) polarities in the order of time: 1 brighter, 0 darker.
         """
         tally_events(x, y, p, self.packed)
+        tally_run_lengths(x, y, p, self.run_pairs, self.squared_run_differences)
 
     def then(self, later: "PixelCounts") -> "PixelCounts":
         """Join with the counts of later events; a run that continues over the border counts once."""
         goes_on = (self.last == later.first) & (self.packed > 0)
         # First polarity of the earlier part, last of the later one; a run that spans the border counts once.
         both = self.packed - (self.packed & LAST) + later.packed - (later.packed & FIRST) - goes_on * RUN
-        return PixelCounts(np.where(self.packed == 0, later.packed, np.where(later.packed == 0, self.packed, both)))
+        return PixelCounts(
+            np.where(self.packed == 0, later.packed, np.where(later.packed == 0, self.packed, both)),
+            self.run_pairs + later.run_pairs,
+            self.squared_run_differences + later.squared_run_differences,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +142,8 @@ class NeighbourExcess:
         (h, w) events less those of the neighbour with the third largest number, so that neighbouring hot pixels do not
         hide each other.
     swings
-        (h, w) events by which a correct pixel can exceed its neighbours: one for each swing of the scene.
+        (h, w) events by which a correct pixel can exceed its neighbours: one for each swing of the scene, and all of a
+        pixel that follows the swings evenly.
     error
         (h, w) standard deviation of the excess: Poisson errors of the neighbour and of the swings, and the scatter of
         the neighbours.
@@ -173,7 +192,10 @@ def neighbour_excess(counts: PixelCounts) -> NeighbourExcess:
     events, runs = counts.events, counts.runs
     high, median = _ranked(events, _MIDDLE)
     borne_out = np.minimum(runs, _ranked(runs, _THIRD)[0])
-    swings = np.minimum(runs, borne_out.max(initial=0.0)).astype(np.float64)
+    swings_of_scene = borne_out.max(initial=0.0)
+    swings = np.where(
+        counts.even & (runs <= swings_of_scene), np.maximum(events, runs), np.minimum(runs, swings_of_scene)
+    ).astype(np.float64)
     # error^2 = high + (high - median)^2 + swings + 1: Poisson variances of the third largest and of the swings, the
     # scatter of the neighbours, and one event.
     error = np.sqrt(high + (high - median) ** 2 + swings + 1.0)

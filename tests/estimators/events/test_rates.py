@@ -14,7 +14,8 @@ ALL = np.ones(SHAPE, np.bool_)
 
 
 def tally(counts: NDArray[np.int64], runs: NDArray[np.int64]) -> PixelCounts:
-    return PixelCounts(counts * EVENT + runs * RUN)
+    none = np.zeros_like(counts)
+    return PixelCounts(counts * EVENT + runs * RUN, none, none)
 
 
 @pytest.mark.parametrize("hot", [[(10, 12)], [(10, 12), (10, 13)], [(0, 0)]], ids=["one", "pair", "corner"])
@@ -39,6 +40,7 @@ def test_edges_and_textures_are_not_loud() -> None:
 def swinging(amplitudes: NDArray[np.float64], swings: int) -> PixelCounts:
     """Events of signals (h, w) that swing to and fro by so many thresholds: the sensor followed turn by turn."""
     counts = PixelCounts.of_nothing(amplitudes.shape)
+    events: list[NDArray[np.int64]] = []
     reference = np.zeros(amplitudes.shape)
     for turn in range(swings):
         signal = amplitudes * (turn % 2 == 0)
@@ -46,7 +48,9 @@ def swinging(amplitudes: NDArray[np.float64], swings: int) -> PixelCounts:
         reference += moved
         for times in range(1, int(np.abs(moved).max()) + 1):
             y, x = np.nonzero(np.abs(moved) >= times)
-            counts.add(x.astype(np.uint16), y.astype(np.uint16), (moved[y, x] > 0).astype(np.uint8))
+            events.append(np.stack([x, y, moved[y, x] > 0]))
+    x, y, p = np.concatenate(events, axis=1)
+    counts.add(x.astype(np.uint16), y.astype(np.uint16), p.astype(np.uint8))
     return counts
 
 
@@ -62,6 +66,24 @@ def test_pixels_that_just_pass_their_threshold_in_each_swing_are_not_hot() -> No
     hot = np.full(200, 12, np.uint16)
     counts.add(hot, hot, (np.arange(200) % 2).astype(np.uint8))
     assert neighbour_excess(counts).z[12, 12] > 10
+
+
+@pytest.mark.parametrize("thresholds", [2.5, 4.5])
+def test_a_single_pixel_that_follows_the_swings_of_a_scene_is_not_hot(thresholds: float) -> None:
+    """An edge swings in one pixel alone, by several thresholds; chance of the same rate and reversals is hot."""
+    amplitudes = np.zeros(SHAPE)
+    amplitudes[5, 4:9] = 1.5
+    amplitudes[15, 20] = thresholds
+    counts = swinging(amplitudes, 80)
+    assert counts.events[15, 20] > 150
+    assert neighbour_excess(counts).z.max() < 1
+    hot = np.full(160, 12, np.uint16)
+    counts.add(hot, hot, np.random.default_rng(5).integers(0, 2, 160).astype(np.uint8))
+    persistent = np.full(160, 20, np.uint16)
+    counts.add(persistent, persistent, np.ones(160, np.uint8))
+    z = neighbour_excess(counts).z
+    assert z[12, 12] > 7
+    assert z[20, 20] > 10
 
 
 def test_tallies_join_as_if_never_cut() -> None:
