@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.events.orientation import (
+    LEAST_LIGHT,
     ChangeMoments,
     add_events_beyond,
     event_blocks,
+    implied_moments,
     level_blocks,
     span_moments,
     step_moments,
@@ -18,11 +20,17 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
     GRID,
+    ResampledFrames,
     all_events,
     resampled_frames,
     sensor_events,
     sensor_shape,
 )
+
+Float64 = NDArray[np.float64]
+
+_GRID_PIXELS: Final = 40
+"""Most pixels along each axis whose levels are kept: a share of 1,600 has an error of 1.3% at most."""
 
 NOMINAL_RESPONSE: Final = EventModel("log", 0.5, 0.5)
 """Response of a sensor that declares none, for correlations, which do not depend on the scale of the events. Thresholds
@@ -42,11 +50,18 @@ class BlockMoments:
         (n - 1, t, 8, 6) moments between successive frames, by tile of the image, under the eight symmetries.
     span
         Moments between the first frame and the last, of the whole image.
+    implied
+        Moments between the first frame and the last, with the events that the frames imply (``implied_moments``).
+    levels
+        (3, k) signal of some pixels that are spread evenly over the image: in the first frame, and its least and
+        greatest value in any; NaN where it is not known in all frames.
     """
 
     frames: NDArray[np.int64]
     steps: NDArray[np.float64]
     span: ChangeMoments
+    implied: ChangeMoments
+    levels: NDArray[np.float64]
 
 
 def block_moments(window: Window) -> BlockMoments | None:
@@ -72,7 +87,27 @@ def _block_moments(window: Window) -> BlockMoments | None:
     steps = step_moments(levels, events, GRID)
     # Between two frames there is but one step.
     span = ChangeMoments(steps[0].sum(axis=0)) if len(steps) == 1 else span_moments(levels, events)
-    return BlockMoments(resampled.frames, steps, span)
+    stride = -(-max(resampled.error_dn.shape[1:]) // _GRID_PIXELS)
+    of_grid = np.stack([_signal(frame, response) for frame in _frames(resampled, stride)])
+    extremes = np.stack([of_grid[0], of_grid.min(axis=0), of_grid.max(axis=0)]).reshape(3, -1)
+    first, *_, last = _frames(resampled, 1)
+    change = _signal(last, response) - _signal(first, response)
+    implied = implied_moments(change, response.threshold_on, response.threshold_off)
+    return BlockMoments(resampled.frames, steps, span, implied, extremes)
+
+
+def _frames(resampled: ResampledFrames, stride: int) -> list[tuple[Float64, Float64]]:
+    """Return light and the bound of its error of each frame, DN, at every ``stride``-th pixel of both axes."""
+    both = (dn[:, ::stride, ::stride] for dn in (resampled.uniform_dn, resampled.error_dn))
+    return list(zip(*both, strict=True))
+
+
+def _signal(frame: tuple[Float64, Float64], response: EventModel) -> Float64:
+    """Return ln(light + dark), or the light in the linear model; NaN where it is not above twice its error."""
+    light, error = (values.astype(np.float64) for values in frame)
+    signal = light if response.model == "linear" else np.log(np.maximum(light + response.log_eps_dn, LEAST_LIGHT))
+    of_pixels: Float64 = np.where(light > 2 * error, signal, np.nan)
+    return of_pixels
 
 
 def _level_blocks(window: Window, frame: int) -> NDArray[np.float64]:

@@ -261,6 +261,15 @@ class ResampledFrames:
         return len(self.frames)
 
 
+def starts_at_first_frame(facts: Facts) -> bool:
+    """Whether the signal at the first frame is declared to be the first reference of all pixels."""
+    times_ns, declared = facts.clocks["rgb"].times_ns, facts.declared.events
+    if declared is None or facts.events is None or not len(times_ns):
+        return False
+    # It is not where an event comes before that frame.
+    return declared.initial_phase == "zero" and facts.events.first_ns > int(times_ns[0])
+
+
 def resampled_frames(window: Window) -> ResampledFrames:
     """Return the frames that a window owns and the next one, and the events between them."""
     return window.derived(_resampled_frames)

@@ -414,6 +414,18 @@ UNKNOWN_RESPONSES: dict[str, tuple[Change, set[str]]] = {
 }
 
 
+def test_pixels_at_their_first_reference_are_expected_to_be_silent(path: Path) -> None:
+    """Hardly any pixel of a faint scene passes a threshold: all noise of the levels would leave 0.79."""
+    world, threshold = replace(LOG_WORLD, amplitude_dn=6.0, velocity_px_s=(20.0, 3.0)), 0.3
+    silent = log_events(world, SHAPE, DURATION_MS * MS, threshold, threshold, phase=0.0)
+    file = EventFile(silent, frames_of(world)).declaring(threshold_on=threshold, threshold_off=threshold)
+    result = run_check(file.declaring(initial_phase="zero").write(path), "event_response.orientation")
+    assert result.outcome == "not_observable"
+    assert "the expected correlation is only 0.1" in result.reason
+    uniform = run_check(file.declaring(initial_phase="uniform").write(path), "event_response.orientation")
+    assert measured(uniform, "correlation").expected == pytest.approx(0.79, abs=0.01)
+
+
 @pytest.mark.parametrize("model", ["log", "linear"])
 @pytest.mark.parametrize(("change", "causes"), UNKNOWN_RESPONSES.values(), ids=UNKNOWN_RESPONSES)
 def test_orientation_needs_no_declared_response(path: Path, model: str, change: Change, causes: set[str]) -> None:

@@ -26,7 +26,13 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.conservation_trials import InverseTrial, inverse_trials, is_tried
 from fedora_qa.views.event_balance import balance_features, window_balance
 from fedora_qa.views.event_blocks import block_moments
-from fedora_qa.views.event_camera import GRID, resampled_frames, sensor_shape, why_frames_and_events_do_not_meet
+from fedora_qa.views.event_camera import (
+    GRID,
+    resampled_frames,
+    sensor_shape,
+    starts_at_first_frame,
+    why_frames_and_events_do_not_meet,
+)
 from fedora_qa.views.frame_runs import FrameRuns, FrameRunSummary
 
 Bool = NDArray[np.bool_]
@@ -225,10 +231,7 @@ class EventResponseConservation(Check[ConservationState]):
         declared = facts.declared.events
         if declared is None:
             raise ValueError("Expected a declared event sensor, got none; the check is not applicable")
-        # The signal at the first frame is the first reference only where no event comes before that frame.
-        times_ns = facts.clocks["rgb"].times_ns
-        events_follow = len(times_ns) > 0 and facts.events is not None and facts.events.first_ns > int(times_ns[0])
-        return ConservationState(FrameRuns(declared, declared.initial_phase == "zero" and events_follow))
+        return ConservationState(FrameRuns(declared, starts_at_first_frame(facts)))
 
     def update(self, state: ConservationState, window: Window) -> None:
         """Join the window's frames to the last run, or begin another, and try inverse transforms on violations."""

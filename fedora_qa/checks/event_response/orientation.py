@@ -16,6 +16,7 @@ from fedora_qa.estimators.events.orientation import (
     PartOrientation,
     most_reoriented,
     other_correlations,
+    responding_shares,
     transformation,
 )
 from fedora_qa.estimators.fitting.robust import jackknife_errors
@@ -29,6 +30,7 @@ from fedora_qa.views.event_blocks import NOMINAL_RESPONSE, block_moments
 from fedora_qa.views.event_camera import (
     place_of_segment,
     place_of_tiles,
+    starts_at_first_frame,
     why_frames_and_events_do_not_meet,
 )
 
@@ -85,6 +87,10 @@ class OrientationMoments:
         (8, 6) moments between successive frames, and between the first and the last frame.
     tiles
         (t, 8, 6) moments between successive frames, of each tile of the image.
+    implied
+        Moments over the window with the events that the frames imply.
+    levels
+        (3, k) signal of some pixels in the first frame, and its least and greatest value, as of ``BlockMoments``.
     start_ns, stop_ns
         Ends of the window, ns from the file's origin.
     """
@@ -92,6 +98,8 @@ class OrientationMoments:
     steps: ChangeMoments
     span: ChangeMoments
     tiles: Float64
+    implied: ChangeMoments
+    levels: Float64
     start_ns: int
     stop_ns: int
 
@@ -126,8 +134,11 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
     -----------
     Between events, the level of a pixel is uncertain within C+ and C-, which gives a change a variance of 2/3 C+ C-,
     averaged over a block (noise). With s the variance of the change by frames, the expected correlation is sqrt(s / (s
-    + noise)). The standard error over the file is the delete-one jackknife over windows. For parts it is three times
-    the error of independent blocks, because blocks of one moving texture are not independent.
+    + noise)). With the declared initial phase ``zero`` a pixel has no event until its level differs from that in the
+    first frame by a threshold. Where the frames let but a share f of the pixels respond, the expected correlation is at
+    most that of the events which the frames imply, or less by sqrt(f) if this is more. The standard error over the file
+    is the delete-one jackknife over windows. For parts it is three times the error of independent blocks, because
+    blocks of one moving texture are not independent.
 
     Cannot detect
     -------------
@@ -157,7 +168,9 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
             return None
         tiles = blocks.steps.sum(axis=0)
         start_ns, stop_ns = window.span.start_ns, window.span.stop_ns
-        return OrientationMoments(ChangeMoments(tiles.sum(axis=0)), blocks.span, tiles, start_ns, stop_ns)
+        return OrientationMoments(
+            ChangeMoments(tiles.sum(axis=0)), blocks.span, tiles, blocks.implied, blocks.levels, start_ns, stop_ns
+        )
 
     def conclude(self, state: Sequence[OrientationMoments], facts: Facts) -> Observation:
         """Compare the orientations over all windows."""
@@ -172,6 +185,15 @@ class EventResponseOrientation(WindowCheck[OrientationMoments]):
         signals = [ChangeMoments(sums.sum(axis=0)).frame_variance() for sums in by_change]
         # Correlation of a signal with itself and independent noise.
         predicted = [float(np.sqrt(signal / (signal + noise))) for signal in signals]
+        if starts_at_first_frame(facts) and state[0].start_ns <= int(facts.clocks["rgb"].times_ns[0]):
+            # Pixels of a share f have had events, so that the uncertainty of their levels is as above. The others are
+            # still at their first reference: var e = f (s + noise), cov(d, e) = f s of both, or what frames imply.
+            levels = np.stack([window.levels for window in state])
+            shares = responding_shares(levels, response.threshold_on, response.threshold_off)
+            squares = np.array([window.span.sums[0, 3] for window in state])
+            share = float(shares @ squares) / max(float(squares.sum()), np.finfo(np.float64).tiny)
+            implied = ChangeMoments(np.sum([window.implied.sums for window in state], axis=0)).correlations()[0]
+            predicted = [min(value, max(float(implied), value * share**0.5)) for value in predicted]
         # The change from frame to frame, or over the whole window where motion is too slow between frames.
         best = int(np.argmax(predicted))
         # Element 4 holds the sum of squares of the events' change.

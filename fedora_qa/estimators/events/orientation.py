@@ -133,6 +133,60 @@ def transformation(orientation: int) -> tuple[bool, tuple[bool, bool, bool]]:
     return orientation < count, SYMMETRIES[orientation if orientation < count else orientation - count + 1]
 
 
+def implied_moments(change: Float64, threshold_on: float, threshold_off: float) -> ChangeMoments:
+    """Return moments of the change of the signal and of the events that it implies where pixels start at a reference.
+
+    Parameters
+    ----------
+    change
+        (h, w) change of the signal since the reference; NaN where it is not known.
+    threshold_on, threshold_off
+        Change of the level by one brighter and by one darker event, both positive.
+
+    Returns
+    -------
+    ChangeMoments
+        One row, of the blocks all of whose pixels are known.
+    """
+    # A pixel has an event for each whole threshold by which its level has left the reference.
+    events = np.where(
+        change > 0, threshold_on * np.floor(change / threshold_on), -threshold_off * np.floor(-change / threshold_off)
+    )
+    side, (rows, columns) = _grid(change.shape)
+    top, left = (change.shape[0] - rows * side) // 2, (change.shape[1] - columns * side) // 2
+    inside = np.stack([change, events])[:, top : top + rows * side, left : left + columns * side]
+    blocks = inside.reshape(2, rows, side, columns, side).mean(axis=(2, 4)).reshape(2, -1)
+    d, e = blocks[:, np.isfinite(blocks[0])]
+    return ChangeMoments(np.array([[d.size, d.sum(), e.sum(), d @ d, e @ e, d @ e]]))
+
+
+def responding_shares(levels: Float64, threshold_on: float, threshold_off: float) -> Float64:
+    """Return the shares of pixels that have responded by the end of each window, by their levels in the frames.
+
+    A pixel whose first reference is its level in the first frame has no event until its level has become higher by
+    ``threshold_on`` or lower by ``threshold_off``. No events are used, so that wrong ones do not change what is
+    expected of them.
+
+    Parameters
+    ----------
+    levels
+        (w, 3, k) levels of k pixels in w windows in the order of time: in the first frame of the window, the least and
+        the greatest; NaN where they are not known.
+    threshold_on, threshold_off
+        Change of the level by one brighter and by one darker event, both positive.
+
+    Returns
+    -------
+    Float64
+        (w,) 0 to 1; 1 where no pixel is known.
+    """
+    first, least, greatest = levels[0, 0], np.fmin.accumulate(levels[:, 1]), np.fmax.accumulate(levels[:, 2])
+    responded = (greatest - first >= threshold_on) | (first - least >= threshold_off)
+    is_known = np.isfinite(first)
+    shares: Float64 = responded[:, is_known].mean(axis=1) if is_known.any() else np.ones(len(levels))
+    return shares
+
+
 def most_reoriented(parts: Sequence[ChangeMoments], noise: float) -> PartOrientation | None:
     """Return the part whose correlation increases most by another orientation of its events.
 

@@ -12,9 +12,11 @@ from fedora_qa.estimators.events.orientation import (
     ChangeMoments,
     add_events_beyond,
     event_blocks,
+    implied_moments,
     level_blocks,
     most_reoriented,
     other_correlations,
+    responding_shares,
     span_moments,
     step_moments,
     transformation,
@@ -115,6 +117,30 @@ def test_each_other_orientation_has_its_transform() -> None:
         assert value == (-1 if inverted else 1) * correlations[SYMMETRIES.index(symmetry)]
     assert len({transformation(number) for number in range(len(others))}) == 15
     assert (False, SYMMETRIES[0]) not in {transformation(number) for number in range(len(others))}
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 5.0])
+def test_implied_events_are_whole_thresholds_of_the_change(size: float) -> None:
+    """Moments are those of NumPy over blocks that are known throughout; none of a change below the thresholds."""
+    change = size * TEXTURE / np.abs(TEXTURE).max()
+    events = np.vectorize(lambda d: 0.2 * int(d / 0.2) if d > 0 else 0.3 * int(d / 0.3))(change)
+    unknown = change.copy()
+    unknown[0, 0] = np.nan
+    d, e = block_means(change).ravel()[1:], block_means(events).ravel()[1:]
+    due = [[len(d), d.sum(), e.sum(), d @ d, e @ e, d @ e]]
+    np.testing.assert_allclose(implied_moments(unknown, 0.2, 0.3).sums, due, atol=1e-9)
+    assert (implied_moments(change, 0.2, 0.3).correlations()[0] > 0.9) == (size > 0.2)
+    assert (implied_moments(change, 0.2, 0.3).correlations()[0] == 0) == (size < 0.2)
+
+
+def test_pixels_respond_once_they_have_left_the_first_frame_by_a_threshold() -> None:
+    """Of four known pixels one is brighter by C+ in the second window, one darker by C- in the third."""
+    first = np.array([0.0, 1.0, 2.0, 3.0, np.nan])
+    second = np.add(first, [0.2, -0.15, 0.1, 0.0, 0.0])
+    third = np.add(first, [0.0, -0.3, 0.1, -0.2, 0.0])
+    windows = [np.stack([level, level, level]) for level in (first, second, third)]
+    np.testing.assert_allclose(responding_shares(np.array(windows), 0.2, 0.3), [0.0, 0.25, 0.5], atol=1e-9)
+    np.testing.assert_allclose(responding_shares(np.full((2, 3, 4), np.nan), 0.2, 0.3), 1.0)
 
 
 def moments(best: int | None, count: int = 400, correlation: float = 0.9) -> ChangeMoments:
