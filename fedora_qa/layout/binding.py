@@ -193,11 +193,11 @@ def selected_columns(stored: NDArray[Any], binding: Binding) -> NDArray[Any]:
         stored = array_of_members(stored, binding.members)
     if binding.columns is None:
         return stored
-    rank = len(spec_of(binding.key).shape)
-    if rank == 1 or binding.is_of_instants:
-        # A canonical dataset of rank 1 is one column of a table (MVSEC: x, y, t, p), so that the axis of columns goes.
-        return stored[:, binding.columns[0]]
-    if stored.ndim < rank:
+    spec = spec_of(binding.key)
+    if not spec.has_columns or binding.is_of_instants:
+        # One column of a table (MVSEC: x, y, t, p), or one channel of images (depth in R, G and B): their axis goes.
+        return stored[..., binding.columns[0]]
+    if stored.ndim < len(spec.shape):
         # A grey image has no axis of channels; columns (0, 0, 0) then read its one channel as R, G and B.
         stored = stored[..., np.newaxis]
     return stored[..., list(binding.columns)]

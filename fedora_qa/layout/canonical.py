@@ -71,6 +71,11 @@ class DatasetSpec:
         # The layout stores one frame in a chunk for images, and for nothing else.
         return self.chunk_rows == 1
 
+    @property
+    def has_columns(self) -> bool:
+        """Whether the last axis is one of columns or of channels: of images, the fourth."""
+        return len(self.shape) == 4 if self.is_image else len(self.shape) > 1
+
 
 @dataclass(frozen=True, slots=True)
 class AttributeSpec:

@@ -1,6 +1,7 @@
 """Conversions of stored rows that are more than a unit: encoded images, axis orders, transformations, intervals."""
 
 from dataclasses import dataclass
+from math import prod
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
@@ -29,6 +30,9 @@ ConversionName = Literal[
     "event_after",
     "nearest_event",
 ]
+
+MATRIX_ROWS: Final = frozenset({(4, 4), (3, 4), (16,), (12,)})
+"""Shapes of a row that is a transformation: 4 x 4, without its last row, or either row by row, as in text."""
 
 MapDefinition = Literal["event_not_before", "event_before", "event_after", "nearest_event"]
 """What an entry of a map from frames to events names. The earliest event not before the frame as in the layout, but
@@ -95,7 +99,8 @@ def converted(raw: NDArray[Any], key: str, conversion: Conversion) -> NDArray[An
         # v_body = R_body_sensor v_sensor, for rows.
         return np.asarray(raw.astype(np.float64) @ np.asarray(conversion.R_body_sensor).T)
     if conversion.name == "matrix4":
-        return _part_of_pose(raw.astype(np.float64), key, conversion)
+        matrices = raw.astype(np.float64).reshape(len(raw), prod(raw.shape[1:]) // 4, 4)
+        return _part_of_pose(matrices, key, conversion)
     if conversion.name == "position_quaternion":
         matrices, lengths = transformations(raw.astype(np.float64))
         part = _part_of_pose(matrices, key, conversion)
@@ -164,7 +169,7 @@ def depth_from_disparity(Q: NDArray[np.float64]) -> tuple[float, float, float, f
 
 
 def _part_of_pose(matrices: NDArray[np.float64], key: str, conversion: Conversion) -> NDArray[np.float64]:
-    """Return positions (n, 3) or orientations (n, 4) x, y, z, w of transformations (n, 4, 4).
+    """Return positions (n, 3) or orientations (n, 4) x, y, z, w of transformations (n, 4, 4) or (n, 3, 4).
 
     A matrix that scales gives a quaternion of that length, so that it is not taken for a rotation; one without a
     rotation gives NaN.

@@ -14,7 +14,7 @@ import numpy as np
 from fedora_qa.causes import allowed
 from fedora_qa.layout.binding import Binding, instant_ns, rows_together
 from fedora_qa.layout.canonical import BESIDE, DatasetSpec
-from fedora_qa.layout.conversions import Conversion, depth_from_disparity
+from fedora_qa.layout.conversions import MATRIX_ROWS, Conversion, depth_from_disparity
 from fedora_qa.layout.decodable import (
     require_bounded,
     require_bounded_shape,
@@ -423,11 +423,19 @@ def _require_shape(
         fits = False
     elif place.columns:
         # A table (rank 2) or an image with channels has the axis of columns; a grey image counts as one entry.
-        has_columns = len(shape) == 2 or len(shape) == len(stored)
+        has_columns = len(shape) == 2 or len(shape) >= len(stored)
         entries = shape[-1] if has_columns else 1
         fits = all(0 <= column < entries for column in place.columns)
+    elif place.convert == "matrix4":
+        fits = shape[1:] in MATRIX_ROWS
     else:
         fits = all(isinstance(size, str) or size == length for size, length in zip(stored, shape, strict=True))
     if not fits:
         expected = " x ".join(str(size) for size in stored)
-        raise RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
+        message = f"Expected {path} of shape {expected}, got {shape}"
+        if spec.is_image and not spec.has_columns:
+            if place.columns:
+                message = f"Expected {path} of shape {expected} x channels, got {shape}"
+            elif shape is not None and len(shape) > len(stored):
+                message = f"{message}; columns = [0] reads the first of the channels"
+        raise RefusedError("wrong_shape", "wrong_shape", message)

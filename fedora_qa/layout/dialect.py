@@ -28,7 +28,7 @@ from fedora_qa.layout.canonical import (
     is_dataset_key,
     spec_of,
 )
-from fedora_qa.layout.conversions import MAP_DEFINITIONS, ConversionName
+from fedora_qa.layout.conversions import MAP_DEFINITIONS, MATRIX_ROWS, ConversionName
 
 DIALECT_NAMES: Final = ("fedora", "purdue-lab", "dsec", "mvsec", "m3ed", "v2e", "vid2e", "tum-vie", "eds")
 
@@ -180,7 +180,8 @@ class DatasetPlace:
     convert
         ``flow16``: 16-bit flow, (v - 2^15) / 128 px and a channel of validity. ``disparity``: px, read as depth by
         ``metadata/disparity_to_depth``, 0 invalid; ``disparity16``: the same from 16 bits, v / 256 px. ``chw``: the
-        channels of an image come first. ``matrix4``: (4, 4) transformations, of which the dataset is a part.
+        channels of an image come first. ``matrix4``: (4, 4) transformations, of which the dataset is a part; also
+        without their last row, and row by row in 16 or 12 columns.
         ``position_quaternion``: the same from a position and a quaternion, seven columns, where the frame of the poses
         is not the body.
         ``until_next``: intervals from each instant to the next; what the stream holds for the last one is left out.
@@ -223,10 +224,13 @@ class DatasetPlace:
     def ranks_of(self, spec: DatasetSpec) -> tuple[int, ...]:
         """Return the ranks that the stored dataset may have."""
         rank = len(self.stored_shape(spec))
+        if self.convert == "matrix4":
+            # A matrix a row, or its numbers in a row.
+            return (2,) if self.columns else (rank, 2)
         if not self.columns:
             return (rank,)
-        # Columns are picked from a last axis that a canonical dataset of rank 1 does not have. A grey image lacks it.
-        return (2,) if rank == 1 else (rank, rank - 1)
+        # Columns are picked from a last axis, which a canonical dataset without them lacks, and so does a grey image.
+        return (rank, rank - 1) if rank > 1 and spec.has_columns else (rank + 1,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -460,6 +464,11 @@ def _require_consistent(dialect: Dialect) -> None:
         if place.convert == "position_quaternion" and len(place.columns) not in {0, _POSE_NUMBERS}:
             message = f"Expected {_POSE_NUMBERS} columns, a position and a quaternion, got {len(place.columns)}"
             raise MisuseError(f"datasets.{key}.columns: {message}")
+        if place.convert == "matrix4" and place.columns and (len(place.columns),) not in MATRIX_ROWS:
+            message = f"Expected 12 or 16 columns, a matrix row by row, got {len(place.columns)}"
+            raise MisuseError(f"datasets.{key}.columns: {message}")
+        if len(place.columns) > 1 and not spec_of(key).has_columns:
+            raise MisuseError(f"datasets.{key}.columns: Expected one column or channel, got {len(place.columns)}")
     rates: dict[float, str] = {}
     for stream in {stream: None for key in dialect.datasets if (stream := flow_stream_of(key))}:
         other = rates.setdefault(flow_rate_hz(stream), stream)

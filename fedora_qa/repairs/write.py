@@ -291,8 +291,8 @@ def replace_values(stored: NDArray[Any], binding: Binding, canonical: NDArray[An
     table = array_of_members(stored, binding.members) if binding.members else stored
     if binding.columns is None:
         table[...] = converted
-    elif len(spec_of(binding.key).shape) == 1:
-        table[:, binding.columns[0]] = converted
+    elif not spec_of(binding.key).has_columns:
+        table[..., binding.columns[0]] = converted
     elif table.ndim < len(spec_of(binding.key).shape):
         table[...] = converted[..., 0]  # a grey image: one channel, read three times
     else:

@@ -184,6 +184,9 @@ def test_columns_are_selected_and_reordered(file: h5py.File) -> None:
     grey = file.create_dataset("g", data=np.array([[[7, 9]]], dtype=np.uint8))
     rgb = canonical_rows(file, bind(grey, "path/rgb", columns=(0, 0, 0)), 0, 1, 0)
     assert rgb.tolist() == [[[[7, 7, 7], [9, 9, 9]]]]
+    of_channels = file.create_dataset("c", data=np.array([[[[1, 2, 3, 4], [5, 6, 7, 8]]]], dtype=np.uint16))
+    depth = canonical_rows(file, bind(of_channels, "path/depth", columns=(3,)), 0, 1, 0)
+    assert depth.tolist() == [[[4.0, 8.0]]]
 
 
 def test_images_with_nothing_to_convert_come_as_they_are(file: h5py.File) -> None:

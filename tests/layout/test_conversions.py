@@ -60,6 +60,22 @@ def test_transformations(seed: int, invert: bool) -> None:
     np.testing.assert_allclose((read * rotations.inv()).magnitude(), 0, atol=1e-7)
 
 
+@pytest.mark.parametrize("columns", [12, 16])
+def test_transformations_row_by_row(columns: int) -> None:
+    """The numbers of a matrix in one row, with the last row 0, 0, 0, 1 or without it, are the same poses."""
+    matrices = np.tile(np.eye(4), (5, 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = (
+        Rotation.random(5, random_state=3).as_matrix(),
+        np.arange(15).reshape(5, 3),
+    )
+    flat = matrices.reshape(5, 16)[:, :columns]
+    for key in (POSITION, ORIENTATION):
+        expected = converted(matrices, key, Conversion("matrix4"))
+        np.testing.assert_array_equal(converted(flat, key, Conversion("matrix4")), expected)
+        np.testing.assert_array_equal(converted(matrices[:, :3], key, Conversion("matrix4")), expected)
+        assert len(converted(flat[:0], key, Conversion("matrix4"))) == 0
+
+
 def test_what_is_no_rotation_is_not_taken_for_one() -> None:
     """A scaled matrix gives a quaternion that is not unit, a mirrored one and NaN give none."""
     matrices = np.tile(np.eye(4), (3, 1, 1))

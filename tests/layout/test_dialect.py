@@ -90,12 +90,14 @@ def test_own_dialect_can_build_on_the_canonical_one(tmp_path: Path) -> None:
             MINIMAL + '"path/pose/position" = { convert = "position_quaternion", columns = [1, 2, 3] }\n',
             "path/pose/position.columns",
         ),
+        (MINIMAL + '"path/pose/position" = { convert = "matrix4", columns = [0, 1, 2] }\n', "12 or 16 columns"),
+        (MINIMAL + '"path/depth" = { columns = [0, 1, 2] }\n', "one column or channel, got 3"),
         (MINIMAL + '[metadata]\n"metadata/vertical" = "z"\n', "metadata.vertical"),
         ('description = "nameless"\n', "name"),
         ("name = \n", "TOML"),
     ],
     ids=["unknown key", "unknown dataset", "unknown field", "value unit", "time unit", "polarity", "columns",
-         "turned", "columns of a pose", "vertical", "no name",
+         "turned", "columns of a pose", "columns of a matrix", "channels of depth", "vertical", "no name",
          "not TOML"],
 )  # fmt: skip
 def test_misuse_names_the_key(tmp_path: Path, text: str, named: str) -> None:

@@ -124,3 +124,10 @@ def test_what_the_stored_type_cannot_hold_is_refused(
     """The message names the type and the reason."""
     with pytest.raises(NotRepairableError, match=reason):
         replace_values(stored.copy(), binding, wanted, 0)
+
+
+def test_one_channel_of_images_is_replaced() -> None:
+    """Depth that is one channel of several is written there; the others stay."""
+    stored = np.zeros((2, 1, 2, 4), np.uint16)
+    replace_values(stored, bound("path/depth", stored, columns=(3,)), np.full((2, 1, 2), 7, np.float32), 0)
+    assert stored.tolist() == [[[[0, 0, 0, 7]] * 2]] * 2
