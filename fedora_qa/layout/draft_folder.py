@@ -1,36 +1,30 @@
 """Draft a dialect for a folder: what each file is, is guessed as for datasets (``draft``)."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import h5py
 import numpy as np
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import FedoraError
+from fedora_qa.layout.array_forms import is_flow
 from fedora_qa.layout.canonical import datasets_of, spec_of
-from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
-from fedora_qa.layout.draft import (
-    camera_line,
-    camera_lines,
-    comment,
-    draft_lines,
-    in_order,
-    names_intrinsics,
-    quoted,
-)
+from fedora_qa.layout.dialect import FORMS, NS_PER_TIME_UNIT
+from fedora_qa.layout.draft import camera_lines, comment, draft_lines, in_order, quoted
+from fedora_qa.layout.draft_cameras import constant_cameras, document_cameras, lines_to_fill_in
 from fedora_qa.layout.file_groups import MOST_SINGLE, FileGroup, by_form_of_name, file_groups, pattern_of
-from fedora_qa.layout.guesses import Guess, guess_places, is_flow, rate_of, span_of_events_ns, unit_of_timestamps
+from fedora_qa.layout.guesses import Guess, guess_places, rate_of, span_of_events_ns, unit_of_timestamps
 from fedora_qa.layout.inventory import HEAD_ROWS, Fields, StoredObject, take_inventory
-from fedora_qa.layout.metadata import PINHOLE
 from fedora_qa.sources.arrays import arrays_of, npz_names
 from fedora_qa.sources.images import images_of, numbers_of
 from fedora_qa.sources.source import OutsideRows, SourceError
-from fedora_qa.sources.text import document_value, number_table
+from fedora_qa.sources.text import number_table
+from fedora_qa.storage.folder import list_files
 from fedora_qa.storage.signature import require_signature
 
 _LEAST_TIME: Final = 1_000_000
@@ -61,6 +55,7 @@ def draft_folder(folder: Path, name: str) -> str:
             unread.append(f"  {group.pattern}: {error}")
     if len(groups) > _MOST_FILES:
         unread.append(f"  {len(groups) - _MOST_FILES} more files, after the first {_MOST_FILES}")
+    unread += _other_formats(folder)
     # Of two views the rectified one: that of the sensor has a distortion.
     items.sort(key=lambda item: "rect" not in item.path.lower())
     guesses = {guess.key: guess for guess in guess_places(items)}
@@ -70,7 +65,7 @@ def draft_folder(folder: Path, name: str) -> str:
     to_write = _times_to_write(items, guesses)
     guesses |= {guess.key: guess for guess in to_write}
     ordered = in_order(guesses)
-    cameras = [*camera_lines(item for item in items if item.form == "hdf5"), *_document_cameras(groups)]
+    cameras = _each_key_once((*camera_lines(item for item in items if item.form == "hdf5"), *document_cameras(groups)))
     used = list(dict.fromkeys(str(guess.fields["file"]) for guess in ordered))
     used += [role for role in groups if any(f'file = "{role}"' in line for line in cameras) and role not in used]
     # The first role identifies the dialect, and is that of a file that is given by itself: HDF5 where there is any.
@@ -95,9 +90,38 @@ def draft_folder(folder: Path, name: str) -> str:
         if group.form == "document" and role not in used
     ]
     lines += [*map(comment, _remarks(groups, items, guesses))]
-    declared = [*cameras, *_cameras_to_fill_in(items, guesses, cameras)]
+    sizes = {
+        camera: item.shape[1:3] if camera != "events" else ()
+        for camera, key in (("rgb", "path/rgb"), ("depth", "path/depth"), ("events", "path/events/x"))
+        if (item := _item_of(items, guesses, key)) is not None
+    }
+    declared = [*cameras, *constant_cameras(items), *lines_to_fill_in(sizes, guesses, cameras)]
     lines += ["", "[metadata]", *declared] if declared else []
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _other_formats(folder: Path) -> list[str]:
+    """Return the files whose names end in no format that is read, together where they end alike."""
+    names: dict[str, list[str]] = {}
+    for file in list_files(folder):
+        suffix = Path(file.name).suffix
+        if suffix.lower() not in FORMS:
+            names.setdefault(suffix or file.name, []).append(file.name)
+    return [
+        f"  {alike[0] if len(alike) == 1 else f'*{suffix}, {len(alike)} files'}: a format that is not read"
+        for suffix, alike in names.items()
+    ]
+
+
+def _each_key_once(lines: Sequence[str]) -> list[str]:
+    """Return lines of declarations, of which those after the first of a key are remarks: TOML has each key once."""
+    keys: set[str] = set()
+    once: list[str] = []
+    for line in lines:
+        key = line.partition(" = ")[0]
+        once.append(comment(line) if key in keys else line)
+        keys |= set() if line.startswith("#") else {key}
+    return once
 
 
 def _inventory(group: FileGroup, unread: list[str]) -> Iterator[StoredObject]:
@@ -253,42 +277,6 @@ def _strided_intervals(items: Sequence[StoredObject], guesses: Mapping[str, Gues
         return
 
 
-def _cameras_to_fill_in(
-    items: Sequence[StoredObject], guesses: Mapping[str, Guess], cameras: Sequence[str]
-) -> list[str]:
-    """Return what a person declares of each camera, as remarks, with the sizes of images that are known."""
-    lines: list[str] = []
-    for camera, key in (("rgb", "path/rgb"), ("depth", "path/depth"), ("events", "path/events/x")):
-        if key not in guesses:
-            continue
-        item = _item_of(items, guesses, key)
-        if item is None:
-            continue
-        height, width = item.shape[1:3] if camera != "events" and len(item.shape) > 2 else ("HEIGHT", "WIDTH")
-        declared = {
-            "width": f"{width}",
-            "height": f"{height}",
-            "K": "[[FX, 0, CX], [0, FY, CY], [0, 0, 1]]",
-            "T_body_camera": "[[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]]",
-        }
-        lines += [
-            comment(f'"metadata/cameras/{camera}/{name}" = {value}')
-            for name, value in declared.items()
-            if not any(line.startswith(f'"metadata/cameras/{camera}/{name}"') for line in cameras)
-        ]
-    if not lines:
-        return []
-    return [
-        comment(
-            "What compares two streams needs their cameras. Fill in what is written in capitals, and remove the #."
-        ),
-        comment(
-            "T_body_camera is that of a camera at the origin of the body, which looks along X, with Y left and Z up."
-        ),
-        *lines,
-    ]
-
-
 def _times_of_names(groups: Mapping[str, FileGroup], guesses: Mapping[str, Guess]) -> Iterator[Guess]:
     """Guess that large numbers in the names of images are their timestamps."""
     for key in ("path/rgb", "path/depth"):
@@ -303,35 +291,3 @@ def _times_of_names(groups: Mapping[str, FileGroup], guesses: Mapping[str, Guess
             unit, why = unit_of_timestamps(head, "frames")
             fields: Fields = {"file": guess.fields["file"], "time_unit": unit}
             yield Guess(f"{key}_ts", fields, f"the numbers in their names; {why}")
-
-
-def _document_cameras(groups: Mapping[str, FileGroup]) -> list[str]:
-    """Return the lines of cameras in documents: lists of four numbers, or 3 x 3 matrices, of telling names."""
-    lines: list[str] = []
-    for role, group in groups.items():
-        if group.form != "document":
-            continue
-        with suppress(SourceError, OSError):
-            for keys, value in _leaves(document_value(group.paths[0], "")):
-                numbers = np.asarray(value, np.float64)
-                is_list = numbers.shape == (len(PINHOLE),) and names_intrinsics(keys)
-                if is_list or (numbers.shape == (3, 3) and numbers[2].tolist() == [0, 0, 1] and numbers[0, 0] > 1):
-                    convert = ', convert = "fx_fy_cx_cy"' if is_list else ""
-                    lines += camera_line(keys, f"file = {quoted(role)}, path = {quoted(keys)}{convert}")
-    return lines
-
-
-def _leaves(value: Any, keys: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield lists of numbers in a document, and intrinsics that have names, with the keys that lead to them."""
-    if isinstance(value, dict):
-        if all(isinstance(value.get(name), int | float) for name in PINHOLE):
-            yield keys, [value[name] for name in PINHOLE]
-        for key, below in value.items():
-            yield from _leaves(below, f"{keys}/{key}" if keys else str(key))
-    elif isinstance(value, list) and value:
-        with suppress(ValueError, TypeError):
-            if np.asarray(value).dtype.kind in "iuf":
-                yield keys, value
-                return
-        for number, below in enumerate(value):
-            yield from _leaves(below, f"{keys}/{number}")

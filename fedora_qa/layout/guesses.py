@@ -9,6 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import FLOW_RATES_HZ, NS_PER_S
+from fedora_qa.layout.array_forms import (
+    has_equal_channels,
+    is_flow,
+    is_named_as_depth,
+    is_picture_of_depth,
+    mark_of_invalid,
+    transformations_of,
+)
 from fedora_qa.layout.canonical import MS_TO_EVENT
 from fedora_qa.layout.dialect import DEPTH_RANGE, NS_PER_TIME_UNIT
 from fedora_qa.layout.inventory import Fields, StoredObject
@@ -52,9 +60,6 @@ _MOTION: Final = ("pos", "trans", "orient", "euler", "rpy", "vel")
 
 _NO_STREAM: Final = ("mask", "segm", "label", "instance", "semantic")
 """Words in the names of images that are no stream."""
-
-_FAR: Final = (0.01, 2.0)
-"""Share of the pixels with the largest depth, and ratio to the next depth, from which on it marks invalid pixels."""
 
 _MILLISECONDS: Final = ("ms_to", "ms_map")
 """Beginnings of the names of maps from milliseconds to events (DSEC, M3ED, TUM-VIE)."""
@@ -215,7 +220,11 @@ def _events_apart(items: Sequence[StoredObject]) -> Iterator[Guess]:
 
 
 def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
-    images = [item for item in items if not any(word in item.path.lower() for word in _NO_STREAM)]
+    images = [
+        item
+        for item in items
+        if not any(word in item.path.lower() for word in _NO_STREAM) and not is_picture_of_depth(item)
+    ]
     # Colour comes before grey, which may be of another camera.
     for item in sorted(images, key=lambda item: len(item.shape) != 4):
         rank, kind = len(item.shape), item.dtype
@@ -225,7 +234,7 @@ def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
         elif kind == np.uint8 and rank == 3 and item.shape[2] > 4:
             grey = Guess("path/rgb", {**item.place, "columns": [0, 0, 0]}, "8-bit grey images, read as R = G = B")
             yield from _with_timestamps(items, item, grey)
-        elif kind == np.uint16 and rank == 3 and (item.form == "images" or _is_named_as_depth(item)):
+        elif kind == np.uint16 and rank == 3 and (item.form == "images" or is_named_as_depth(item)):
             named = any(word in item.path.lower() for word in ("disp", "stereo"))
             fields: Fields = {"value_unit": "mm", "invalid": 0.0}
             reason = "16-bit grey images, taken for millimetres; 0 is taken for invalid"
@@ -234,25 +243,17 @@ def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
                 reason = "16-bit grey images, and their name; needs metadata/disparity_to_depth, the matrix Q"
             yield from _with_timestamps(items, item, Guess("path/depth", {**item.place, **fields}, reason))
         # Sides above 4 exclude stacks of 3 x 3 and 4 x 4 matrices, in which poses are stored (MVSEC).
-        elif kind.kind == "f" and rank == 3 and min(item.shape[1:]) > 4:
-            # Writers mark invalid depth by NaN, infinity or 0, or by a depth beyond all others.
-            values = item.head[np.isfinite(item.head) & (item.head > 0)]
-            farthest = float(values.max()) if values.size else 0.0
-            others = values[values < farthest]
-            is_marked = others.size and np.mean(values == farthest) > _FAR[0] and farthest > _FAR[1] * others.max()
-            values = others if is_marked else values
+        elif kind.kind == "f" and ((rank == 3 and min(item.shape[1:]) > 4) or has_equal_channels(item)):
+            # Renderers without images of one channel write depth three times.
+            channel: Fields = {"columns": [0]} if rank == 4 else {}
+            head = item.head[..., 0] if rank == 4 else item.head
+            marked, mark = mark_of_invalid(head)
+            values = head[np.isfinite(head) & (head > 0) & (head != marked.get("invalid", 0.0))]
             median = float(np.median(values)) if values.size else 0.0
             unit = "m" if 0 < median < _METRES_BELOW else "mm"
-            marked: Fields = {"invalid": farthest} if is_marked else {}
-            reason = f"float images; median {median:.4g} is {unit}"
-            if is_marked:
-                reason = f"{reason}; many pixels of {farthest:g}, far beyond all others, are taken for invalid"
-            depth = Guess("path/depth", {**item.place, "value_unit": unit, **marked}, reason)
+            reason = f"float images{' of equal channels' if channel else ''}; median {median:.4g} is {unit}{mark}"
+            depth = Guess("path/depth", {**item.place, **channel, "value_unit": unit, **marked}, reason)
             yield from _with_timestamps(items, item, depth)
-
-
-def _is_named_as_depth(item: StoredObject) -> bool:
-    return any(word in item.path.lower() for word in ("depth", "disp"))
 
 
 def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
@@ -287,11 +288,6 @@ def _is_of_intervals(item: StoredObject) -> bool:
     return item.shape[1] == 2 or counts
 
 
-def is_flow(item: StoredObject) -> bool:
-    """Whether a dataset has the shape and type of flow in px."""
-    return len(item.shape) == 4 and item.shape[3] == 2 and item.dtype.kind == "f"
-
-
 def rate_of(length_s: float) -> str:
     """Return the rate of intervals, Hz: a usual one, or with as few decimals as state it; empty for no plausible one.
 
@@ -308,7 +304,9 @@ def rate_of(length_s: float) -> str:
 
 def _samples(items: Sequence[StoredObject]) -> Iterator[Guess]:
     for item in items:
-        if len(item.shape) != 2 or item.dtype.kind != "f":
+        # One 4 x 4 matrix is a mounting, and no stream of four quaternions.
+        is_matrix = item.shape == (4, 4) and np.array_equal(item.head[-1], [0, 0, 0, 1])
+        if len(item.shape) != 2 or item.dtype.kind != "f" or is_matrix or transformations_of(item):
             continue
         if item.shape[1] == 3:
             for key, names in _NAMES.items():
@@ -325,19 +323,31 @@ def _samples(items: Sequence[StoredObject]) -> Iterator[Guess]:
 
 
 def _transformations(items: Sequence[StoredObject]) -> Iterator[Guess]:
-    """Guess that 4 x 4 matrices with a last row 0, 0, 0, 1 are poses."""
+    """Guess that matrices with a last row 0, 0, 0, 1, and rotations beside a position, are poses."""
     for item in items:
-        if item.shape[1:] == (4, 4) and item.dtype.kind == "f" and np.allclose(item.head[:, 3], [0, 0, 0, 1]):
-            reason = "4 x 4 transformations; that they take the body to the world does not follow from the values"
-            fields: Fields = {**item.place, "convert": "matrix4"}
-            yield Guess("path/pose/position", fields, reason)
-            orientation = Guess("path/pose/orientation", fields, "the same; where it is the inverse, add invert = true")
+        form = transformations_of(item)
+        if not form:
+            continue
+        reason = f"{form}; that they take the body to the world does not follow from the values"
+        start = item.shape[1] % 4 if len(item.shape) == 2 else 0
+        place: Fields = {"columns": list(range(1, item.shape[1]))} if start else {}
+        fields: Fields = {**item.place, **place, "convert": "matrix4"}
+        yield Guess("path/pose/position", fields, reason)
+        orientation = Guess("path/pose/orientation", fields, "the same; where it is the inverse, add invert = true")
+        if start:
+            unit, why = unit_of_timestamps(item.head[:, 0].astype(np.float64), "samples")
+            time: Fields = {**item.place, "columns": [0], "time_unit": unit}
+            yield orientation
+            yield Guess("path/pose/ts", time, f"the first column, which rises; {why}")
+        else:
             yield from _with_timestamps(items, item, orientation)
 
 
 def _tables(items: Sequence[StoredObject]) -> Iterator[Guess]:
     """Guess trajectories and IMU samples in tables whose first column is time (TUM, EuRoC), or is beside a count."""
     for item in items:
+        if transformations_of(item):
+            continue
         head = item.head.astype(np.float64) if item.head.ndim == 2 else np.empty((0, 0))
         if _is_pose_without_time(item):
             place: Fields = {**item.place, "columns": [0, 1, 2]}
@@ -408,6 +418,8 @@ def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: G
 
 def _is_of_motion(item: StoredObject) -> bool:
     """Whether a table without times is one of positions or angles, which rise as well on a straight way."""
+    if transformations_of(item) and item.shape[-1] % 4 == 0:
+        return True
     if len(item.columns) < 2 or _is_named_as_time(item):
         return False
     is_vector = item.shape[1:] in {(2,), (3,)} and any(word in item.name for word in _MOTION)

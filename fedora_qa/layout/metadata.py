@@ -21,7 +21,8 @@ MOST_VALUES: Final = 4096
 """Values of a dataset that is read for a declaration; a list of hot pixels has hundreds."""
 
 PINHOLE: Final = ("fx", "fy", "cx", "cy")
-"""Names of the intrinsics in documents that name them, such as those of Basalt."""
+_PINHOLES: Final = (PINHOLE, ("fx", "fy", "ppx", "ppy"), ("focalX", "focalY", "centerX", "centerY"))
+"""Names of the intrinsics in documents that name them: those of Basalt, librealsense, and RGB-D-E (lvsn)."""
 
 _LENS: Final = ("k1", "k2", "k3", "k4")
 _POSE: Final = ("px", "py", "pz", "qx", "qy", "qz", "qw")
@@ -188,7 +189,7 @@ def _converted(place: MetadataPlace, stored: Any) -> Any:
             raise ValueError(f"{len(entries)} entries where number {place.entry} is wanted")
         value = entries[place.entry]
     if place.convert == "fx_fy_cx_cy":
-        fx, fy, cx, cy = _named_numbers(value, PINHOLE)
+        fx, fy, cx, cy = _named_numbers(value, pinhole_names(value) or PINHOLE)
         value = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     if place.convert == "k1_k2_k3_k4":
         value = _named_numbers(value, _LENS)
@@ -207,6 +208,12 @@ def _converted(place: MetadataPlace, stored: Any) -> Any:
             raise ValueError("a matrix that cannot be inverted")
         value = np.linalg.inv(matrix)
     return np.asarray(value) if isinstance(value, list | tuple) else value
+
+
+def pinhole_names(document: Any) -> tuple[str, ...]:
+    """Return the names under which a table of a document has the intrinsics; none where it has none of these."""
+    names = _PINHOLES if isinstance(document, dict) else ()
+    return next((four for four in names if all(isinstance(document.get(name), int | float) for name in four)), ())
 
 
 def _named_numbers(value: Any, names: tuple[str, ...]) -> NDArray[np.float64]:

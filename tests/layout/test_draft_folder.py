@@ -7,6 +7,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import OpenEXR
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -99,6 +100,7 @@ def test_a_folder_of_a_robot(robot: Path, tmp_path: Path) -> None:
         np.testing.assert_array_equal(sequence.rows("path/events/p", 0, 4), [0, 1, 0, 1])
     assert dialect.metadata["metadata/cameras/events/K"] is not None
     assert "Expected an array of NumPy in broken.npy" in text
+    assert "#   readme.md: a format that is not read" in text
 
 
 def test_poses_as_matrices(tmp_path: Path) -> None:
@@ -359,3 +361,120 @@ def test_flow_without_intervals(frames: int, has_times: bool, remark: str, tmp_p
         (folder / "times.txt").write_text("".join(f"{50_000 * n}\n" for n in range(frames)))
     np.save(folder / "flow.npy", fields_of_flow(5))
     assert remark in drafted(folder, tmp_path)[0]
+
+
+def write_images(folder: Path, image: np.ndarray) -> None:
+    folder.mkdir(parents=True)
+    for number in range(6):
+        write_png(folder / f"{number}.png", image)
+
+
+def test_pictures_of_depth_are_no_colour(tmp_path: Path) -> None:
+    """What lies in a folder of depth in 8 bits is left out; grey images of a camera of that name are not."""
+    folder = tmp_path / "flight"
+    grey = np.zeros((8, 10), np.uint8)
+    write_images(folder / "depthmaps", grey)
+    write_images(folder / "images", grey)
+    (folder / "times.txt").write_text("".join(f"{50_000 * n}\n" for n in range(6)))
+    text, path = drafted(folder, tmp_path)
+    assert load_dialect(path).files["images"] == ("images/*.png",)
+    assert "#   depthmaps/*.png" in text
+    write_images(tmp_path / "other" / "depth_camera" / "rgb", grey)
+    assert '"path/rgb" = { file = "depth_camera_rgb"' in draft_folder(tmp_path / "other", "drafted")
+
+
+@pytest.mark.parametrize(
+    ("mark", "words"),
+    [(np.inf, "infinity is taken for invalid"), (0.0, "; 0 is taken for invalid"), (np.nan, "is m\n")],
+)
+def test_depth_in_three_equal_channels(mark: float, words: str, tmp_path: Path) -> None:
+    """It is read from the first one, without its invalid pixels; three different channels are no depth."""
+    folder = tmp_path / "flight"
+    folder.mkdir()
+    depth = np.linspace(2, 9, 6 * 80, dtype=np.float32).reshape(6, 8, 10)
+    depth[:, 0, 0] = mark
+    np.save(folder / "depth.npy", np.stack([depth, depth, depth], axis=-1))
+    (folder / "times.txt").write_text("".join(f"{50_000 * n}\n" for n in range(6)))
+    text, path = drafted(folder, tmp_path)
+    assert "float images of equal channels; median 2.58" in text
+    assert words in text
+    with open_sequence(folder, load_dialect(path)) as sequence:
+        read_mm = sequence.rows("path/depth", 0, 6)
+    expected_mm = np.where(np.arange(80).reshape(8, 10) > 0, depth * np.float32(1000), np.float32(np.nan))
+    np.testing.assert_allclose(read_mm, expected_mm, rtol=1e-6)
+    np.save(folder / "depth.npy", np.stack([depth, depth + 1, depth], axis=-1))
+    assert '"path/depth"' not in draft_folder(folder, "drafted")
+
+
+@pytest.mark.parametrize("columns", [12, 16])
+@pytest.mark.parametrize("has_time", [False, True])
+def test_poses_as_rows_of_matrices(columns: int, has_time: bool, tmp_path: Path) -> None:
+    """Trajectories of KITTI (12 numbers) and of Replica (16), with times in front or in another file."""
+    folder = tmp_path / "flight"
+    folder.mkdir()
+    matrices = np.tile(np.eye(4), (6, 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = (
+        Rotation.random(6, random_state=4).as_matrix(),
+        np.arange(18).reshape(6, 3),
+    )
+    times_s = 0.05 * np.arange(6)
+    rows = matrices.reshape(6, 16)[:, :columns]
+    np.savetxt(folder / "traj.txt", np.column_stack([times_s, rows]) if has_time else rows)
+    if not has_time:
+        np.savetxt(folder / "poses_ts.txt", times_s)
+    text, path = drafted(folder, tmp_path)
+    assert f"{columns} columns that are rotations beside positions" in text
+    with open_sequence(folder, load_dialect(path)) as sequence:
+        assert sequence.layout.streams == {"pose"}
+        np.testing.assert_allclose(sequence.rows("path/pose/position", 0, 6), matrices[:, :3, 3])
+        read = Rotation.from_quat(sequence.rows("path/pose/orientation", 0, 6))
+        np.testing.assert_allclose(read.as_matrix(), matrices[:, :3, :3], atol=1e-12)
+        np.testing.assert_allclose(np.diff(sequence.rows("path/pose/ts", 0, 6)), 50_000_000, atol=1)
+
+
+def test_files_of_other_formats_are_named(tmp_path: Path) -> None:
+    """Depth in a format that is not read is no silent gap."""
+    folder = tmp_path / "flight"
+    (folder / "depth").mkdir(parents=True)
+    for number in range(3):
+        (folder / f"depth/{number}.tiff").write_bytes(b"II*")
+    np.savetxt(folder / "times.txt", 0.05 * np.arange(3))
+    assert "# Not read:\n#   *.tiff, 3 files: a format that is not read" in drafted(folder, tmp_path)[0]
+
+
+def test_depth_of_a_renderer(tmp_path: Path) -> None:
+    """OpenEXR with depth as R, G and B, infinite at the sky."""
+    folder = tmp_path / "flight"
+    (folder / "Depth_exr").mkdir(parents=True)
+    depth_m = np.full((8, 10), 3.5, np.float32)
+    depth_m[:2] = np.inf
+    for number in range(6):
+        channels = dict.fromkeys("RGB", depth_m)
+        OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, channels).write(str(folder / f"Depth_exr/{number}.exr"))
+    np.savetxt(folder / "poses_ts.txt", 0.05 * np.arange(6))
+    with open_sequence(folder, load_dialect(drafted(folder, tmp_path)[1])) as sequence:
+        read_mm = sequence.rows("path/depth", 5, 6)[0]
+    np.testing.assert_array_equal(read_mm, np.where(np.isinf(depth_m), np.nan, 3500))
+
+
+def test_one_matrix_is_no_trajectory(tmp_path: Path) -> None:
+    """A mounting without a rotation has four rows of unit length, and these are no quaternions."""
+    folder = tmp_path / "flight"
+    folder.mkdir()
+    np.save(folder / "extrinsics.npy", np.eye(4))
+    text, _ = drafted(folder, tmp_path)
+    assert "path/pose" not in text
+    assert "#   extrinsics.npy  4 x 4" in text
+
+
+def test_depth_of_three_channels_names_the_remedy(tmp_path: Path) -> None:
+    """Without columns the message says how a channel is chosen."""
+    folder = tmp_path / "flight"
+    folder.mkdir()
+    np.save(folder / "depth.npy", np.ones((6, 8, 10, 3), np.float32))
+    (folder / "times.txt").write_text("".join(f"{50_000 * n}\n" for n in range(6)))
+    path = tmp_path / "mine.toml"
+    lines = '[files]\ndepth = "depth.npy"\ntimes = "times.txt"\n[datasets]\n"path/depth_ts" = { file = "times" }\n'
+    path.write_text(f'name = "mine"\n{lines}"path/depth" = {{ file = "depth" }}\n', "utf-8")
+    (problem,) = layout_of(folder, path).problems
+    assert problem.message.endswith("got (6, 8, 10, 3); columns = [0] reads the first of the channels")
