@@ -351,10 +351,11 @@ def import_(**arguments: Any) -> int:
 @click.option(
     "--to",
     "form",
-    type=click.Choice(["fedora", "tum", "dsec"]),
+    type=click.Choice(["fedora", "tum", "dsec", "rerun"]),
     required=True,
-    help="fedora: one canonical file; tum: a text of poses; dsec: a folder.",
+    help="fedora: one canonical file; tum: a text of poses; dsec: a folder; rerun: a recording for that viewer.",
 )
+@click.option("--record", "record_path", type=PATH, help="rerun: the record of a check, whose findings are shown too.")
 @dialect_option
 @metadata_option
 def export(**arguments: Any) -> int:
@@ -362,7 +363,8 @@ def export(**arguments: Any) -> int:
 
     fedora writes all of it as one HDF5 file, which is read without a dialect. tum writes the poses of the body in the
     world. dsec writes events, images, flow of 10 Hz, and the calibration of pinhole cameras; depth, IMU, poses and
-    other flow have no place there. OUTPUT gets its name when it is complete.
+    other flow have no place there. rerun writes all streams and the findings of --record on one timeline, for looking
+    at them (pip install 'fedora-qa[rerun]'). OUTPUT gets its name when it is complete.
 
     Exit codes: 0 written; 2 SOURCE cannot be read, or OUTPUT not be written, and nothing is left behind.
     """
