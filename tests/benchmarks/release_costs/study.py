@@ -46,7 +46,7 @@ scene is 2.7 m away."""
 def main() -> None:
     """Generate what is not there, measure, and write docs/release-costs.md."""
     files = {length_s: full_size_sequence(length_s) for length_s in FILE_LENGTHS_S}
-    folders = {length_s: _dsec_like(length_s) for length_s in FOLDER_LENGTHS_S}
+    folders = {length_s: dsec_like(length_s) for length_s in FOLDER_LENGTHS_S}
     metadata = write_side_metadata(KEPT / "side.toml")
     of_files = {effort: [_check(path, length_s, effort) for length_s, path in files.items()] for effort in EFFORTS}
     of_folders = {
@@ -64,7 +64,7 @@ def main() -> None:
     click.echo(text)
 
 
-def _dsec_like(length_s: float) -> Path:
+def dsec_like(length_s: float) -> Path:
     """Return a folder in the layout of DSEC, generated if it is not there."""
     folder = KEPT / f"{length_s:g}s"
     if not folder.exists():
