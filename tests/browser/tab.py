@@ -52,11 +52,16 @@ class Tab:
         return done["result"].get("value")
 
     def place_of(self, selector: str, across: float = 0.5, down: float = 0.5) -> tuple[float, float]:
-        """Scroll to an element and return a place in it, by shares of its box, in px of the window."""
+        """Scroll to an element and return a place in it, by shares of its box, in px of the window.
+
+        It is looked for again until two frames of the browser leave it where it is: what was just shown may move it.
+        """
         x, y = self.evaluate(
-            f"(() => {{ const e = document.querySelector({json.dumps(selector)}); e.scrollIntoView({{block: 'center', "
-            f"behavior: 'instant'}}); const b = e.getBoundingClientRect(); "
-            f"return [b.x + {across} * b.width, b.y + {down} * b.height]; }})()"
+            f"(async () => {{ const e = document.querySelector({json.dumps(selector)}); "
+            "const frame = () => new Promise(requestAnimationFrame); let last = ''; "
+            "for (;;) { e.scrollIntoView({block: 'center', behavior: 'instant'}); await frame(); await frame(); "
+            "const b = e.getBoundingClientRect(), here = [b.x, b.y, b.width, b.height].join(); "
+            f"if (here === last) return [b.x + {across} * b.width, b.y + {down} * b.height]; last = here; }} }})()"
         )
         return x, y
 

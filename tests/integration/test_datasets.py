@@ -210,7 +210,7 @@ def test_a_correct_sequence_has_no_finding(name: str, stand_ins: dict[str, Path]
 def test_thresholds_that_nobody_declares_are_measured(name: str, stand_ins: dict[str, Path]) -> None:
     """Where frames and events share a camera, they are those of the source, and not judged."""
     record = check(stand_ins[name], None, ("event_response.threshold",))
-    assert outcomes(record, "warned") == {"event_response.threshold"}
+    assert outcomes(record, "not_observable") == {"event_response.threshold"}
     for polarity in ("on", "off"):
         assert record.inferred[f"events.threshold_{polarity}_nat"] == pytest.approx(0.2, rel=0.05)
 
