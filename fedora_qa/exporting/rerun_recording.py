@@ -56,7 +56,7 @@ def write_rerun(
     record
         What a check found in the sequence; None: no findings.
     report
-        Told of each stream.
+        Called before each stream is written.
 
     Raises
     ------

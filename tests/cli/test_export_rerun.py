@@ -76,9 +76,9 @@ def test_streams_and_findings_lie_on_one_timeline(fedora_qa: Command, source: Pa
     np.testing.assert_array_equal(np.sign(picture[..., 2] - picture[..., 0]), np.sign(net))
     findings = json.loads(record.read_text())["files"][0]["results"]
     messages = {finding["message"] for result in findings for finding in result["findings"]}
-    shown = [text[0].partition(": ")[2] for _, text in rows_of(out, rerun_recording.FINDINGS, "TextLog:text")]
+    written = [text[0].partition(": ")[2] for _, text in rows_of(out, rerun_recording.FINDINGS, "TextLog:text")]
     assert messages
-    assert set(shown) == messages
+    assert set(written) == messages
 
 
 def test_events_without_frames_have_pictures_of_their_own(fedora_qa: Command, source: Path, tmp_path: Path) -> None:

@@ -15,11 +15,10 @@ from fedora_qa.estimators.events.shift import (
     RADIUS_PX,
     auto_correlation,
     cross_correlation,
-    open_level_errors,
     slope_sums,
     slopes_where_fired,
-    step_of_level,
 )
+from fedora_qa.estimators.events.shift_errors import open_level_errors, step_of_level
 from fedora_qa.estimators.events.shift_kernels import change_and_events
 from fedora_qa.estimators.fitting.robust import jackknife_errors
 from fedora_qa.estimators.images.registration import PEAK_RADIUS_PX, registered_shift

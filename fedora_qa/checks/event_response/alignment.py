@@ -20,10 +20,9 @@ from fedora_qa.estimators.events.shift import (
     lattice_peak,
     lattice_spread,
     most_shifted,
-    open_level_errors,
-    reference_lags,
     shifts_of_parts,
 )
+from fedora_qa.estimators.events.shift_errors import open_level_errors, reference_lags
 from fedora_qa.estimators.events.shift_field import ShiftFieldFit, field_fits, scale_and_roll
 from fedora_qa.estimators.events.shift_kernels import FIRED, KNOWN, OPEN, USABLE
 from fedora_qa.estimators.fitting.robust import sensitivity_range

@@ -17,18 +17,20 @@ from fedora_qa.estimators.events.shift import (
     RADIUS_PX,
     IntervalChanges,
     ShiftSums,
-    bracketed_level_errors,
     cross_correlation,
     lattice_peak,
     lattice_spread,
     most_shifted,
-    open_level_errors,
     peak,
     peak_spread,
-    reference_lags,
     shifts_of_parts,
     slope_sums,
     slopes_where_fired,
+)
+from fedora_qa.estimators.events.shift_errors import (
+    bracketed_level_errors,
+    open_level_errors,
+    reference_lags,
     step_of_level,
 )
 from fedora_qa.estimators.events.shift_kernels import FIRED, KNOWN, OPEN, USABLE

@@ -11,9 +11,9 @@ from fedora_qa.estimators.events.shift import (
     RADIUS_PX,
     auto_correlation,
     cross_correlation,
-    open_level_errors,
     slope_sums,
 )
+from fedora_qa.estimators.events.shift_errors import open_level_errors
 from fedora_qa.estimators.images.registration import PEAK_RADIUS_PX, registered_shift
 
 AXIS = np.arange(-RADIUS_PX, RADIUS_PX + 1)

@@ -66,19 +66,19 @@ def off_origin(arm_m: float) -> Plant:
 
 def fitted(comparison: InertialComparison, samples: InertialSamples, noise: InertialNoise) -> InertialFit:
     walk = noise.gyro_walk if comparison is ROTATION else noise.accel_walk
-    found = fit_inertial(samples, noise, comparison, bias_walk=walk)
-    assert found is not None
-    return found
+    fit = fit_inertial(samples, noise, comparison, bias_walk=walk)
+    assert fit is not None
+    return fit
 
 
 @pytest.mark.parametrize("comparison", [ROTATION, TRANSLATION], ids=["rotation", "translation"])
 @pytest.mark.parametrize("motion", [RESTLESS, HOVER], ids=["restless", "hover"])
 def test_exact_streams_agree(comparison: InertialComparison, motion: object) -> None:
     """Nothing is freed, and every parameter is 0 within a thousandth of its error."""
-    found = fitted(comparison, sample_motion(motion), EXACT)  # type: ignore[arg-type]
-    assert found.settled
-    assert not any(one.free for one in found.parameters.values())
-    assert all(abs(one.value) < 1e-3 * one.standard_error for one in found.parameters.values())
+    fit = fitted(comparison, sample_motion(motion), EXACT)  # type: ignore[arg-type]
+    assert fit.settled
+    assert not any(one.free for one in fit.parameters.values())
+    assert all(abs(one.value) < 1e-3 * one.standard_error for one in fit.parameters.values())
 
 
 @pytest.mark.parametrize(
@@ -102,17 +102,17 @@ def test_a_fault_moves_its_own_group_alone_and_to_size(
     comparison: InertialComparison, plant: Plant, name: str, size: float
 ) -> None:
     """In exact streams the fault's group is freed, nothing else is off, and the size is right to six errors."""
-    found = fitted(comparison, plant(sample_motion()), EXACT)
-    assert found.settled
+    fit = fitted(comparison, plant(sample_motion()), EXACT)
+    assert fit.settled
     group = name.removesuffix("_x").removesuffix("_y").removesuffix("_z")
-    assert {one for one, f in found.parameters.items() if f.free} == {
-        one for one in found.parameters if one.startswith(group)
+    assert {one for one, f in fit.parameters.items() if f.free} == {
+        one for one in fit.parameters if one.startswith(group)
     }
-    for one, parameter in found.parameters.items():
+    for one, parameter in fit.parameters.items():
         expected = size if one == name else 0.0
         assert abs(parameter.value - expected) < 6 * parameter.standard_error + parameter.model_error, one
-    assert found.parameters[name].value == pytest.approx(size, rel=2e-3)
-    assert found.rms < found.expected_rms
+    assert fit.parameters[name].value == pytest.approx(size, rel=2e-3)
+    assert fit.rms < fit.expected_rms
 
 
 def test_errors_hold_under_noise() -> None:
@@ -121,11 +121,11 @@ def test_errors_hold_under_noise() -> None:
     for seed in range(12):
         samples = sample_motion(noise=NOISY, seed=seed)
         for kind, comparison in (("rotation", ROTATION), ("translation", TRANSLATION)):
-            found = fitted(comparison, samples, NOISY)
-            for name, one in found.parameters.items():
+            fit = fitted(comparison, samples, NOISY)
+            for name, one in fit.parameters.items():
                 assert not one.free
                 deviations.setdefault(f"{kind} {name}", []).append(one.value / one.standard_error)
-            deviations.setdefault(kind, []).append((found.rms - found.expected_rms) / found.rms_error)
+            deviations.setdefault(kind, []).append((fit.rms - fit.expected_rms) / fit.rms_error)
     everything = np.concatenate(list(deviations.values()))
     assert np.max(np.abs(everything)) < 4.7
     assert 0.7 < np.std(everything) < 1.15
@@ -155,12 +155,12 @@ def test_a_walk_far_above_white_noise_is_no_fault(white: InertialNoise, motion: 
     for seed in range(6):
         samples = sample_motion(motion, noise, seed=seed)
         for comparison in (ROTATION, TRANSLATION):
-            found = fitted(comparison, samples, noise)
-            assert found.settled
-            assert not any(one.free for one in found.parameters.values())
-            assert found.rms < found.expected_rms + 4 * found.rms_error
-            assert abs(found.worst.value) < 5 * found.worst.sigma
-            for name, one in found.parameters.items():
+            fit = fitted(comparison, samples, noise)
+            assert fit.settled
+            assert not any(one.free for one in fit.parameters.values())
+            assert fit.rms < fit.expected_rms + 4 * fit.rms_error
+            assert abs(fit.worst.value) < 5 * fit.worst.sigma
+            for name, one in fit.parameters.items():
                 deviations.setdefault(name, []).append(one.value / one.standard_error)
     assert np.max(np.abs(np.concatenate(list(deviations.values())))) < 4.7
 
@@ -169,9 +169,9 @@ def test_what_a_walk_does_within_a_segment_is_in_the_expected_residual() -> None
     """w sqrt(L/6) h rad of a row that spans h, in a segment of length L, beside hardly any white noise."""
     walk, segment_s, step_s = 5e-3, 0.5, 0.005
     noise = replace(EXACT, gyro_walk=walk)
-    found = fitted(ROTATION, sample_motion(HOVER, noise), noise)
-    assert found.expected_rms == pytest.approx(walk * np.sqrt(segment_s / 6) * step_s, rel=0.02)
-    assert found.rms == pytest.approx(found.expected_rms, rel=0.3)
+    fit = fitted(ROTATION, sample_motion(HOVER, noise), noise)
+    assert fit.expected_rms == pytest.approx(walk * np.sqrt(segment_s / 6) * step_s, rel=0.02)
+    assert fit.rms == pytest.approx(fit.expected_rms, rel=0.3)
 
 
 def test_a_jump_is_left_out_of_the_fit_and_named_as_its_worst_row() -> None:
@@ -179,12 +179,12 @@ def test_a_jump_is_left_out_of_the_fit_and_named_as_its_worst_row() -> None:
     samples = sample_motion()
     positions = samples.positions_world_m.copy()
     positions[200:] += [0.005, 0.0, 0.0]
-    found = fitted(TRANSLATION, replace(samples, positions_world_m=positions), EXACT)
-    assert not any(one.free for one in found.parameters.values())
-    assert found.outliers == 2
-    assert found.worst.time_s == pytest.approx(0.9975, abs=0.003)
-    assert abs(found.worst.value) == pytest.approx(0.005 / 0.005, rel=0.01)
-    assert found.rms < found.expected_rms
+    fit = fitted(TRANSLATION, replace(samples, positions_world_m=positions), EXACT)
+    assert not any(one.free for one in fit.parameters.values())
+    assert fit.outliers == 2
+    assert fit.worst.time_s == pytest.approx(0.9975, abs=0.003)
+    assert abs(fit.worst.value) == pytest.approx(0.005 / 0.005, rel=0.01)
+    assert fit.rms < fit.expected_rms
 
 
 def test_hovering_cannot_show_a_lever_arm_under_noise() -> None:
@@ -204,8 +204,8 @@ def test_streams_of_different_motions_do_not_settle_or_leave_residuals() -> None
         specific_forces_body_m_s2=other.specific_forces_body_m_s2,
     )
     for comparison in (ROTATION, TRANSLATION):
-        found = fitted(comparison, mixed, EXACT)
-        assert found.rms > 100 * found.expected_rms
+        fit = fitted(comparison, mixed, EXACT)
+        assert fit.rms > 100 * fit.expected_rms
 
 
 @pytest.mark.parametrize("comparison", [ROTATION, TRANSLATION], ids=["rotation", "translation"])
