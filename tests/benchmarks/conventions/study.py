@@ -50,14 +50,17 @@ def main(scene: str, seed: int, processes: int, begins: tuple[str, ...]) -> None
         click.echo(f"| {name} | {', '.join(CONVENTIONS[name].truth)} | {first or 'none'} |")
 
 
-def first_diagnosis(clean: Path, name: str) -> str:
-    """Return the stream and the cause that come first where a convention is written into a copy; empty without any."""
+def first_diagnosis(clean: Path, name: str, select: tuple[str, ...] = ()) -> str:
+    """Return the stream and the cause that come first where a convention is written into a copy; empty without any.
+
+    ``select`` names the checks that are run, all where it is empty.
+    """
     target = clean.with_name(f"{list(CONVENTIONS).index(name)}.h5")
     shutil.copyfile(clean, target)
     try:
         with h5py.File(target, "r+") as file:
             CONVENTIONS[name].change(file)
-        diagnoses = check_file(target, CheckOptions(evidence=None, profile="release")).record.diagnoses
+        diagnoses = check_file(target, CheckOptions(select=select, evidence=None, profile="release")).record.diagnoses
     finally:
         target.unlink()
     return f"{stream_family(diagnoses[0].stream)}:{diagnoses[0].cause}" if diagnoses else ""
