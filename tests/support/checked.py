@@ -1,6 +1,8 @@
 """Run single checks on a file through the engine."""
 
+from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 from fedora_qa.causes import stream_family
@@ -10,12 +12,17 @@ from fedora_qa.record.types import Diagnosis, FileRecord, Result
 from tests.support.all_checks import CHECKS
 
 
+def without_trials() -> AbstractContextManager[Any]:
+    """Undo no proposed fault, which follows the results and alters none."""
+    return patch("fedora_qa.engine.trials.composite_faults.run_trials", return_value={})
+
+
 def measured_record(path: Path, *select: str) -> FileRecord:
     """Return the record of some checks, in which results and verdict are meant.
 
     No proposed fault is undone and no evidence is collected: both follow the results, and alter none.
     """
-    with patch("fedora_qa.engine.trials.composite_faults.run_trials", return_value={}):
+    with without_trials():
         return check_file(path, CheckOptions(select=select, evidence=None)).record
 
 
