@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from fedora_generator.generate import Request, generate_sequence
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
-from fedora_qa.record.types import Result
+from fedora_qa.record.types import Diagnosis, Result
 from tests.support.checked import run_check
 from tests.support.sequences import small_scene
 from tests.support.shared_files import SharedFiles
@@ -51,6 +51,12 @@ def rotated(parallel: Path, tmp_path: Path) -> Path:
     return path
 
 
+def first_diagnosis(path: Path) -> Diagnosis:
+    """Return the first diagnosis from the checks that compare frames or depth with events."""
+    options = CheckOptions(evidence=None, select=("event_response", "alignment"))
+    return check_file(path, options).record.diagnoses[0]
+
+
 def value_of(result: Result, name: str) -> float:
     return next(m.value for m in result.measurements if m.name == name and m.value is not None)
 
@@ -84,7 +90,7 @@ def test_a_mounting_that_nobody_chose_is_named(parallel: Path, tmp_path: Path) -
         T_body_camera = np.array(camera["T_body_camera"])
         T_body_camera[:3, :3] = T_body_camera[:3, :3] @ Rotation.from_rotvec((0.9, -1.3, 0.7), degrees=True).as_matrix()
         camera["T_body_camera"] = T_body_camera
-    first = check_file(path, CheckOptions(evidence=None)).record.diagnoses[0]
+    first = first_diagnosis(path)
     assert (first.cause, first.stream) == ("extrinsic_rotation", "metadata")
     assert first.cleared
 
@@ -136,7 +142,7 @@ def test_a_mounting_that_looks_elsewhere_is_named(parallel: Path, tmp_path: Path
     """Events follow the frames as if both cameras looked one way, whatever mounting is declared."""
     path = Path(copy(parallel, tmp_path / "elsewhere.h5"))
     mounted(path, rotation)
-    first = check_file(path, CheckOptions(evidence=None)).record.diagnoses[0]
+    first = first_diagnosis(path)
     assert (first.cause, first.stream) == ("extrinsic_rotation", "metadata")
     # Frames, or events, that are turned by half about the middle of the image have the same effect.
     is_half = np.isclose(rotation.magnitude(), np.pi)
@@ -162,6 +168,6 @@ def test_a_focal_length_is_named_with_its_size(parallel: Path, tmp_path: Path) -
     with h5py.File(path, "r+") as file:
         camera = file["metadata/cameras/events"].attrs
         camera["K"] = np.array(camera["K"]) * [[1.05, 1, 1], [1, 1.05, 1], [1, 1, 1]]
-    first = check_file(path, CheckOptions(evidence=None)).record.diagnoses[0]
+    first = first_diagnosis(path)
     assert (first.cause, first.stream) == ("intrinsics_focal", "metadata")
     assert first.magnitude == pytest.approx(5.0, abs=1.0)
