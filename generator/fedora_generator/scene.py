@@ -48,7 +48,6 @@ from typing import ClassVar, Final, Literal
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from fedora_generator.camera import CameraOptions
-from fedora_generator.choices import SCENE_NAMES
 from fedora_generator.errors import SceneError
 from fedora_generator.events.options import EventSensorOptions
 from fedora_generator.flight import Flight
@@ -192,11 +191,6 @@ class Scene:
 
 
 _ADAPTER: Final = TypeAdapter(Scene)
-
-
-def list_scenes() -> tuple[Scene, ...]:
-    """Scenes of the package, in order."""
-    return tuple(load_scene(name) for name in SCENE_NAMES)
 
 
 def load_scene(name_or_path: str | Path) -> Scene:

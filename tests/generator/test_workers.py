@@ -11,12 +11,13 @@ import hdf5plugin  # noqa: F401  registers the codec
 import numpy as np
 import pytest
 
+from fedora_generator.choices import SCENE_NAMES
 from fedora_generator.cli import main
-from fedora_generator.scene import list_scenes
+from fedora_generator.scene import load_scene
 from fedora_generator.threads import thread_count
 from tests.support.identical import identical
 
-EXACT = [scene.name for scene in list_scenes() if scene.renderer == "exact"]
+EXACT = [name for name in SCENE_NAMES if load_scene(name).renderer == "exact"]
 
 PROGRAM = """
 import sys

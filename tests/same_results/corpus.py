@@ -8,10 +8,11 @@ from typing import Final
 
 import h5py
 
+from fedora_generator.choices import SCENE_NAMES
 from fedora_generator.corpus.build import build_corpus
 from fedora_generator.corpus.plan import CorpusOptions
 from fedora_generator.generate import Request, generate_sequence
-from fedora_generator.scene import list_scenes, load_scene
+from fedora_generator.scene import load_scene
 from tests.hostile.test_files import CONTENTS, HARMLESS, LINKS, PATCHED, STORAGE
 from tests.integration.test_broken_input import BROKEN
 from tests.support.handmade import write_handmade
@@ -60,7 +61,7 @@ def corpus_files(folder: Path, every: int = 1) -> Iterator[Path]:
 
 
 def _make_clean(target: Path) -> None:
-    for name in (scene.name for scene in list_scenes()):
+    for name in SCENE_NAMES:
         request = Request(duration_s=0.5, quality="draft")
         generate_sequence(load_scene(name).with_size(*SMALL), target / f"{name}.h5", request)
 
