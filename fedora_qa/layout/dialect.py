@@ -8,6 +8,7 @@ dialect may also state ``metadata`` that no file of the layout holds, or holds e
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import resources
 from itertools import chain
 from math import pi
@@ -330,10 +331,8 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
     MisuseError
         No such dialect, not TOML, an unknown key, or a value that does not fit. The message names the key.
     """
-    is_packaged = str(name_or_path) in DIALECT_NAMES
-    if is_packaged:
-        text = (resources.files("fedora_qa.layout") / "dialects" / f"{name_or_path}.toml").read_text("utf-8")
-        return _packaged(tomllib.loads(text))
+    if str(name_or_path) in DIALECT_NAMES:
+        return _packaged(str(name_or_path))
     expected = f"a dialect ({', '.join(DIALECT_NAMES)}) or a TOML file"
     hint = did_you_mean(str(name_or_path), DIALECT_NAMES)
     if hint and not Path(name_or_path).exists():
@@ -404,9 +403,11 @@ def _illegal(noun: str, path: str | Path, error: Any) -> MisuseError:
     return MisuseError(f"Expected {noun} in {path}, got: {where}: {problem['msg']}")
 
 
-def _packaged(document: dict[str, Any]) -> Dialect:
-    """Return a dialect of the package, which tests validate."""
-    document = _spelt_out(document)
+@cache
+def _packaged(name: str) -> Dialect:
+    """Return a dialect of the package, which tests validate. A folder is compared with each of them many times."""
+    text = (resources.files("fedora_qa.layout") / "dialects" / f"{name}.toml").read_text("utf-8")
+    document = _spelt_out(tomllib.loads(text))
     datasets = {
         key: DatasetPlace(**place | {name: tuple(place.get(name, ())) for name in ("columns", "members")})
         for key, place in document.get("datasets", {}).items()

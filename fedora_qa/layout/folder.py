@@ -16,7 +16,7 @@ from fedora_qa.sources.arrays import arrays_of
 from fedora_qa.sources.images import images_of, numbers_of
 from fedora_qa.sources.source import OutsideRows
 from fedora_qa.sources.text import number_table
-from fedora_qa.storage.folder import DOCUMENTS, list_files, root_of
+from fedora_qa.storage.folder import DOCUMENTS, FolderFile, list_files, root_of
 from fedora_qa.storage.signature import require_signature
 
 _SHOWN: Final = 2
@@ -130,8 +130,13 @@ def match_folder(folder: Path, dialect: Dialect, *, is_named: bool = True) -> Ma
     MisuseError
         The first role has no file, or a role of one file has two; the message names the role and the files.
     """
-    root, listed = root_of(folder), list_files(folder)
-    by_folder = _names_by_folder(root)
+    return _match_files(folder, list_files(folder), dialect, is_named=is_named)
+
+
+def _match_files(folder: Path, listed: Sequence[FolderFile], dialect: Dialect, *, is_named: bool) -> MatchedFolder:
+    """Return a folder of listed files as ``match_folder``: for several dialects it is listed once."""
+    root = root_of(folder)
+    by_folder = _names_by_folder(listed if root == folder else list_files(root))
     others: set[str] = set()
     if root != folder:
         together = _side_by_side(by_folder, dialect)
@@ -206,9 +211,9 @@ def _fitting_first(by_folder: Mapping[str, list[str]], patterns: Sequence[str]) 
     return {}
 
 
-def _names_by_folder(folder: Path) -> dict[str, list[str]]:
+def _names_by_folder(files: Sequence[FolderFile]) -> dict[str, list[str]]:
     by_folder: dict[str, list[str]] = {}
-    for file in list_files(folder):
+    for file in files:
         inside, _, name = file.name.rpartition("/")
         by_folder.setdefault(inside, []).append(name)
     return by_folder
@@ -249,7 +254,7 @@ def misfit(folder: Path) -> str:
     It is empty where the folder has fewer than two roles of it with files of other formats than HDF5: files of HDF5
     may be sequences by themselves. A folder of many files, of which a single name is that of a dialect, is named.
     """
-    by_folder = _names_by_folder(folder)
+    by_folder = _names_by_folder(list_files(folder))
     for matched in _folders_of_dialects(folder):
         if _is_of_one_name(matched):
             (role,) = matched.files
@@ -292,10 +297,11 @@ def recognise_folder(folder: Path) -> MatchedFolder | None:
 
 def _folders_of_dialects(folder: Path) -> Iterator[MatchedFolder]:
     """Yield a folder in each dialect of the package that it fits."""
+    listed = list_files(folder)
     for dialect in map(load_dialect, DIALECT_NAMES):
         if dialect.files:
             try:
-                matched = match_folder(folder, dialect, is_named=False)
+                matched = _match_files(folder, listed, dialect, is_named=False)
             except MisuseError:
                 continue  # it does not fit this one
             if len(matched.files) >= dialect.fewest_roles:
@@ -349,14 +355,14 @@ def sequences_in(folder: Path, dialect: Dialect | None) -> tuple[Path, ...]:
     several = _dialect_of_several(folder, dialect)
     if several is None:
         return ()
-    if not (together := _side_by_side(_names_by_folder(folder), several)):
+    if not (together := _side_by_side(_names_by_folder(list_files(folder)), several)):
         match_folder(folder, several)  # raises which role has two files
     return tuple(folder / name for name in sorted(together))
 
 
 def _dialect_of_several(folder: Path, dialect: Dialect | None) -> Dialect | None:
     """Return the dialect of which a folder has most roles, where one role has two files; None: of none enough."""
-    by_folder = _names_by_folder(folder)
+    by_folder = _names_by_folder(list_files(folder))
     most, best = 0, None
     for candidate in (dialect,) if dialect else map(load_dialect, DIALECT_NAMES):
         if not candidate.files or not _fitting_first(by_folder, candidate.files[candidate.first_role]):

@@ -137,22 +137,32 @@ def _is_large(window: Window) -> bool:
     return is_large(camera.width * camera.height, window)
 
 
-def steps_of_frame(window: Window, depth_m: Float32, axis: int) -> DepthSteps:
-    """Return the steps of a depth frame (H, W) along an axis: 0 to the right, 1 down."""
-    # Beyond this distance depth is missing: as declared, or else the farthest in the frame.
-    if window.facts.declared.depth_range_m is not None:
-        far_m = window.facts.declared.depth_range_m[1]
-    else:
-        finite_m = depth_m[np.isfinite(depth_m)]
-        far_m = float(finite_m.max()) if len(finite_m) and finite_m.max() > 0 else 1.0
+def steps_of_frame(window: Window, row: int, axis: int) -> DepthSteps:
+    """Return the steps of a depth frame along an axis: 0 to the right, 1 down."""
+    return window.derived(_steps_of_frame, row, axis)
+
+
+def _steps_of_frame(window: Window, row: int, axis: int) -> DepthSteps:
+    depth_m = window.depth_m(row)
     lines = LINES // 2 if _is_large(window) else LINES
-    return depth_steps(depth_m, axis, farthest_m=far_m, every=max(1, min(depth_m.shape) // lines))
+    every = max(1, min(depth_m.shape) // lines)
+    return depth_steps(depth_m, axis, farthest_m=window.derived(_farthest_m, row), every=every)
+
+
+def _farthest_m(window: Window, row: int) -> float:
+    """Return the distance beyond which depth is missing: as declared, or else the farthest in a frame, m."""
+    if window.facts.declared.depth_range_m is not None:
+        return window.facts.declared.depth_range_m[1]
+    depth_m = window.depth_m(row)
+    finite_m = depth_m[np.isfinite(depth_m)]
+    return float(finite_m.max()) if len(finite_m) and finite_m.max() > 0 else 1.0
 
 
 def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Float64] | None:
     """Return the edge profiles of one depth frame against colour and events, as in ``DepthEdges``."""
     try:
-        depth_m, luma = window.depth_m(row), luma_dn(window, rgb_row)
+        steps_of_axes = [steps_of_frame(window, row, axis) for axis in (0, 1)]
+        luma = luma_dn(window, rgb_row)
     except UnreadableRowsError:
         return None
     facts, cameras = window.facts, window.facts.declared.cameras
@@ -169,8 +179,7 @@ def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Fl
         x, y = (coordinates[start:stop].astype(np.int64) for coordinates in (stored.x, stored.y))
         counts = np.asarray(root_counts(x, y, height, width))
     colour, events = [], []
-    for axis in (0, 1):
-        steps = steps_of_frame(window, depth_m, axis)
+    for axis, steps in enumerate(steps_of_axes):
         positions = outlines_in_camera(cameras["depth"], cameras["rgb"], steps)
         colour.append([difference_profiles(log_luma, steps, axis, positions, mirrored) for mirrored in _MIRRORED])
         if counts is None:

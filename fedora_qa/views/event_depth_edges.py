@@ -77,7 +77,7 @@ def event_depth_edges(window: Window) -> EventDepthEdges | None:
 
 def _of_frame(window: Window, row: int) -> tuple[Float64, Float64, Float64] | None:
     try:
-        depth_m = window.depth_m(row)
+        steps_of_axes = [steps_of_frame(window, row, axis) for axis in (0, 1)]
     except UnreadableRowsError:
         return None
     facts, time_ns = window.facts, int(window.facts.clocks["depth"].times_ns[row])
@@ -90,8 +90,7 @@ def _of_frame(window: Window, row: int) -> tuple[Float64, Float64, Float64] | No
     net = np.zeros(roots.shape, np.int64)
     np.add.at(net, (y[on_sensor], x[on_sensor]), np.where(p[on_sensor] > 0, 1, -1))
     profiles, outward, lags = [], [], []
-    for axis in (0, 1):
-        steps = steps_of_frame(window, depth_m, axis)
+    for axis, steps in enumerate(steps_of_axes):
         positions = outlines_in_camera(depth_camera, camera, steps)
         profiles.append(
             [

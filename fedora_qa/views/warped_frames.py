@@ -330,7 +330,7 @@ def visible(window: Window, interval: Interval, origins: Int64, fewest: int = 0)
         # Pixels are invisible near a break of the flow, where they leave the image, and where points of different flow
         # meet: one of these must be occluded.
         stored = window.flow_px(interval.stream, interval.row)
-        breaks, crowded = flow_conflicts(stored)
+        breaks, crowded = window.derived_image(_flow_conflicts, interval.row, interval.stream)
         columns, rows = pixels_of(origins, halo_px=0)
         flow_px = patches_of(stored, origins, halo_px=0)
         height, width = breaks.shape
@@ -352,6 +352,10 @@ def visible(window: Window, interval: Interval, origins: Int64, fewest: int = 0)
         for frame in geometry.frames
     )
     return seen_in_both(K, motion, origins, size, first, second, geometry.uncertainty_px), True
+
+
+def _flow_conflicts(window: Window, field: int, stream: str) -> NDArray[np.uint8]:
+    return flow_conflicts(window.flow_px(stream, field))
 
 
 def _inverse_depth_per_m(window: Window, frame: int) -> Float32:

@@ -76,28 +76,38 @@ def edges(inverse_depth_per_m: Float32, focal_px: float | None = None) -> NDArra
     return widened(mark_edges(inverse_depth_per_m, np.float32(EDGE), steepest))
 
 
-def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return where a flow (H, W, 2), px, itself has edges, as maps of the first and the second frame.
+def flow_conflicts(flow_px: Float32) -> NDArray[np.uint8]:
+    """Return where a flow (H, W, 2), px, itself has edges, as maps (2, H, W) of the first and of the second frame.
 
-    Both maps are (H, W), 1 at edges, else 0. In the first frame these are pixels within 4 px of a break of the flow, of
-    a missing value or of the border. In the second frame these are pixels within 4 px of one to which points of
-    different flow lead: one of the points must be occluded.
+    They are 1 at edges, else 0. In the first frame these are pixels within 4 px of a break of the flow, of a missing
+    value or of the border. In the second frame these are pixels within 4 px of one to which points of different flow
+    lead: one of the points must be occluded.
     """
-    breaks = flow_breaks(flow_px)
-    crowded = spread_at_targets(flow_px) > _CROWDED_PX**2
-    return widened(breaks.astype(np.uint8)), widened(crowded.astype(np.uint8))
+    crowded = spread_at_targets(np.ascontiguousarray(flow_px)) > _CROWDED_PX**2
+    return np.stack([widened(edge) for edge in (flow_breaks(flow_px), crowded.astype(np.uint8))])
 
 
-def flow_breaks(flow_px: Float32) -> Mask:
-    """Return where a flow (H, W, 2), px, has a break or a missing value, as (H, W)."""
-    u, v = (np.ascontiguousarray(flow_px[..., i]) for i in range(2))
-    is_valid = np.logical_and(np.isfinite(u), np.isfinite(v))
-    u, v = np.where(is_valid, u, np.float32(0)), np.where(is_valid, v, np.float32(0))
-    breaks = ~is_valid
-    for component in (u, v):
-        # Laplacian, as of the inverse depth: flow is smooth within a surface.
-        breaks |= np.abs(cv2.Laplacian(component, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)) > BREAK_PX
-    return breaks
+def flow_breaks(flow_px: Float32) -> NDArray[np.uint8]:
+    """Return where a flow (H, W, 2), px, breaks: (H, W), 1 also at missing values, beside them and at the border."""
+    return mark_breaks(np.ascontiguousarray(flow_px).reshape(len(flow_px), -1), np.float32(BREAK_PX))
+
+
+@njit(cache=True)
+def mark_breaks(lines: Float32, largest_bend_px: np.float32) -> NDArray[np.uint8]:
+    """Return where a flow has a larger Laplacian, as ``flow_breaks``; its rows (H, 2 W) hold u and v in turn, px."""
+    height, width = len(lines), lines.shape[1] // 2
+    marked = np.ones((height, width), np.uint8)
+    is_smooth = np.empty(2 * max(width - 2, 0), np.bool_)
+    for row in range(1, height - 1):
+        above, here, below, line = lines[row - 1][2:-2], lines[row], lines[row + 1][2:-2], marked[row][1:-1]
+        left, value, right = here[:-4], here[2:-2], here[4:]
+        # As of the inverse depth: flow is smooth within a surface. Of a missing value the comparison is false.
+        for index in range(len(value)):
+            bend_px = left[index] + right[index] + above[index] + below[index] - np.float32(4) * value[index]
+            is_smooth[index] = abs(bend_px) <= largest_bend_px
+        for column in range(len(line)):
+            line[column] = not (is_smooth[2 * column] & is_smooth[2 * column + 1])
+    return marked
 
 
 def widened(edge: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -205,30 +215,31 @@ def spread_at_targets(flow_px: Float32) -> Float32:
     It is 0 where fewer than two flows lead to a pixel.
     """
     height, width = flow_px.shape[:2]
-    count = np.zeros((height, width), np.int32)
-    sums = np.zeros((height, width, 4))
+    flows = flow_px.reshape(height * width, 2)
+    # The latest pixel that leads to each target, and before each pixel the one that leads to the same target: few
+    # targets have several, and sums for all of them would take most of the time.
+    latest, before = np.full(height * width, -1, np.int32), np.empty(height * width, np.int32)
     for row in range(height):
         for column in range(width):
-            u, v = np.float64(flow_px[row, column, 0]), np.float64(flow_px[row, column, 1])
-            x, y = np.rint(column + u), np.rint(row + v)
+            source = row * width + column
+            x, y = np.rint(column + np.float64(flows[source, 0])), np.rint(row + np.float64(flows[source, 1]))
             if not (0 <= x < width and 0 <= y < height):  # also where flow is NaN
                 continue
-            to_row, to_column = int(y), int(x)
-            count[to_row, to_column] += 1
-            into = sums[to_row, to_column]
-            into[0] += u
-            into[1] += v
-            into[2] += u * u
-            into[3] += v * v
-    spread = np.zeros((height, width), np.float32)
-    for row in range(height):
-        for column in range(width):
-            n = count[row, column]
-            if n > 1:
-                u, v, uu, vv = sums[row, column]
-                # E[u^2] - E[u]^2 cancels: in float64 its rounding stays far below the limit of 0.06 px^2.
-                spread[row, column] = max(uu / n - (u / n) ** 2, vv / n - (v / n) ** 2)
-    return spread
+            target = int(y) * width + int(x)
+            before[source], latest[target] = latest[target], source
+    spread = np.zeros(height * width, np.float32)
+    for target in range(height * width):
+        source = latest[target]
+        if source < 0 or before[source] < 0:
+            continue
+        n, u_sum, v_sum, uu_sum, vv_sum = 0, 0.0, 0.0, 0.0, 0.0
+        while source >= 0:
+            u, v = np.float64(flows[source, 0]), np.float64(flows[source, 1])
+            n, u_sum, v_sum, uu_sum, vv_sum = n + 1, u_sum + u, v_sum + v, uu_sum + u * u, vv_sum + v * v
+            source = before[source]
+        # E[u^2] - E[u]^2 cancels: in float64 its rounding stays far below the limit of 0.06 px^2.
+        spread[target] = max(uu_sum / n - (u_sum / n) ** 2, vv_sum / n - (v_sum / n) ** 2)
+    return spread.reshape(height, width)
 
 
 @njit(cache=True)

@@ -226,9 +226,7 @@ class _Flow:
 
     @staticmethod
     def of(recomputed_px: Float64) -> "_Flow":
-        breaks = flow_breaks(recomputed_px.astype(np.float32)).astype(np.uint8)
-        for side in (breaks[0], breaks[-1], breaks[:, 0], breaks[:, -1]):
-            side[...] = 1
+        breaks = flow_breaks(recomputed_px.astype(np.float32))
         flow_px = np.nan_to_num(recomputed_px)
         # Central differences along columns and along rows.
         slopes = np.stack([np.gradient(flow_px, axis=axis) for axis in (1, 0)], axis=-1)

@@ -1,5 +1,6 @@
 """Masks: planes have no edges, edges are widened, occluded and departed points are left out."""
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +8,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.flow.mask import compare_patterns, depth_range_m, edges, flow_conflicts, inverse_depth
+from fedora_qa.estimators.flow.mask import (
+    BREAK_PX,
+    compare_patterns,
+    depth_range_m,
+    edges,
+    flow_breaks,
+    flow_conflicts,
+    inverse_depth,
+    spread_at_targets,
+)
 from fedora_qa.estimators.flow.residual import TileGrid
 from fedora_qa.estimators.flow.visibility import seen_in_both, seen_in_few_tiles
 from fedora_qa.geometry.camera import RigidMotion
@@ -183,3 +193,37 @@ def test_counts_and_range_are_those_of_numpy(flow_px: np.ndarray, depth_m: np.nd
     assert compare_patterns(flow_px.reshape(SHAPE[0], -1), depth_m, standing_m) == expected
     found = depth_range_m(depth_m, standing_m)
     assert found == ((depth_m[stands].min(), depth_m[stands].max()) if stands.any() else None)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 6.0))
+@settings(max_examples=30, deadline=None)
+def test_spread_at_targets_is_the_variance_of_the_flows_that_lead_there(seed: int, spread_px: float) -> None:
+    """For any flow, also with missing values and out of the frame: by NumPy, target by target."""
+    rng = np.random.default_rng(seed)
+    flow_px = rng.normal(0.0, spread_px, (9, 12, 2)).astype(np.float32)
+    flow_px[rng.random((9, 12)) < 0.1] = np.nan
+    leading: dict[tuple[int, int], list[np.ndarray]] = {}
+    for row, column in np.argwhere(np.isfinite(flow_px).all(axis=-1)):
+        u, v = flow_px[row, column].astype(np.float64)
+        leading.setdefault((int(np.rint(row + v)), int(np.rint(column + u))), []).append(np.array([u, v]))
+    expected = np.zeros((9, 12))
+    for (row, column), flows in leading.items():
+        if 0 <= row < len(expected) and 0 <= column < expected.shape[1]:
+            expected[row, column] = np.var(flows, axis=0).max()
+    np.testing.assert_allclose(spread_at_targets(flow_px), expected, rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 5), (5, 2), (40, 60)])
+def test_breaks_are_large_laplacians_missing_values_and_their_neighbours(shape: tuple[int, int]) -> None:
+    """As OpenCV's Laplacian within the border, which counts as a break in a frame of any size."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]].astype(np.float32)
+    flow_px = np.stack([0.02 * columns**2 + 4 * (columns > 25), 0.03 * rows], axis=-1).astype(np.float32)
+    flow_px[12:13, 20:22] = np.nan
+    expected = np.zeros(shape, np.bool_)
+    for component in np.moveaxis(flow_px, -1, 0):
+        expected |= ~(np.abs(cv2.Laplacian(np.ascontiguousarray(component), cv2.CV_32F)) <= BREAK_PX)
+    for side in (expected[0], expected[-1], expected[:, 0], expected[:, -1]):
+        side[...] = True
+    np.testing.assert_array_equal(flow_breaks(flow_px), expected)
+    if shape == (40, 60):
+        assert 0.05 < expected.mean() < 0.5
