@@ -10,6 +10,7 @@ import h5py
 from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.cli.isolated import run_isolated
 from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.sequences import require_one_sequence
 from fedora_qa.engine.executors.executor import Task, Worker, opening_test
 from fedora_qa.errors import MisuseError, UnreadableRowsError, UnrecognisedError
 from fedora_qa.exporting.dsec import write_dsec
@@ -43,6 +44,7 @@ def run_export(
     if is_folder(source) and output.resolve().is_relative_to(root_of(source).resolve()):
         raise MisuseError(f"Expected an output outside of {source}, which is read, got {output}")
     choice = load_choice(dialect, metadata)
+    require_one_sequence(source, choice)
     with progress_bar(source.name) as bar:
         rows, beside = run_isolated(
             Task(_export, (source, output, form, record, choice)), source, opening_test(source, choice), bar

@@ -123,3 +123,11 @@ def test_outputs_are_protected(fedora_qa: Command, source: Path, tmp_path: Path)
         assert fedora_qa("export", source, output, "--to", "dsec").code == 2
     assert (tmp_path / "mine").read_text() == "mine"
     assert names(tmp_path) == ["mine"]
+
+
+def test_a_folder_without_a_sequence_is_misuse(fedora_qa: Command, tmp_path: Path) -> None:
+    """As in the other commands: nothing in it could be described by a dialect."""
+    (empty := tmp_path / "empty").mkdir()
+    done = fedora_qa("export", empty, tmp_path / "out", "--to", "tum")
+    assert (done.code, names(tmp_path)) == (2, ["empty"])
+    assert "got a folder without files" in done.err
