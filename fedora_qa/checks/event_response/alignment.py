@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
-from fedora_qa.estimators.events.levels import level_changes
+from fedora_qa.estimators.events.low_pass import STEPS, changes_of_light, level_error_gain, time_constant_ns
 from fedora_qa.estimators.events.shift import (
     CLEAR,
     RADIUS_PX,
@@ -40,6 +40,7 @@ from fedora_qa.views.event_camera import (
     place_of_segment,
     place_of_tiles,
     resampled_frames,
+    sensor_events,
     sensor_shape,
     why_frames_and_events_do_not_meet,
 )
@@ -120,15 +121,17 @@ class ShiftCorrelations:
     ----------
     patches
         (k, 2, s, s) cross-correlations of frame changes with event changes, as ``lattice_peak`` takes them.
-    lines, two_sided
-        (2, s, s) sums of such correlations, of changes by events without excursions between events, and without pixels
-        that lack an event before or after a frame.
+    lines, two_sided, coarse
+        (2, s, s) sums of such correlations, of changes by events without excursions between events, without pixels that
+        lack an event before or after a frame, and with twice the step of the difference that undoes a low-pass.
     squares
         (k, 2) sums of squares of both changes.
     slopes
         (k, 3, 2) to the right and down, as in ``slope_sums``, where the change by events is known.
     lag_sums
         (k, 4, 2) as in ``reference_lags``.
+    error_gains
+        (k,) as of ``level_error_gain``.
     far
         The patches at half the resolution, for shifts beyond the reach of these.
     tiles
@@ -140,9 +143,11 @@ class ShiftCorrelations:
     patches: Float64
     lines: Float64
     two_sided: Float64
+    coarse: Float64
     squares: Float64
     slopes: Float64
     lag_sums: Float64
+    error_gains: Float64
     far: FarSums
     tiles: ShiftSums
     start_ns: int
@@ -175,6 +180,9 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
 
     A sum of events lags behind the motion, most where brightness reverses: the signal must first return through both
     thresholds. The level at a frame is therefore estimated from the last event before it and the first event after it.
+    A declared low-pass delays the events; the change of the light before it follows from the level and its derivative
+    (``fedora_qa/estimators/events/low_pass.py``).
+
     Shift and delay are nearly degenerate along the mean motion. The shift is fitted alone, not together with the delay:
     a late stream appears shifted here, by its delay times that motion. ``event_response.timing`` separates the two.
 
@@ -186,7 +194,8 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     the mean of all possible ones. The second is due to pixels without an event before or after a frame: their reference
     is used as the level and lags; without these pixels the error of the shift has the other sign. Where slopes g of the
     level are small, the lag of up to a threshold C, C sum |g| over these pixels / sum g^2 over all that fire, exceeds
-    half a period of the texture. Events then belong to edges that have passed, and the lag is the bound. Each window
+    half a period of the texture. Events then belong to edges that have passed, and the lag is the bound. Behind a
+    declared low-pass, the change of the peak with twice the step of the derivative is a third bound. Each window
     and each of 4 x 4 tiles is also compared with the median of all (tiles where their correlation is at least 0.5). The
     error of a part is the larger of the spread over tiles or windows and the error by levels between two events, C
     sqrt(1/3 / sum h^2), with h the slope of the change. Where there are ten or more parts, their scatter is used if it
@@ -233,11 +242,13 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
         chosen = np.unique((np.arange(due) + 0.5) * (last + 1) // due).astype(int).tolist()
         sensor = sensor_shape(window.facts.declared)
         thresholds, events = (declared.threshold_off, declared.threshold_on), pixel_events(window)
-        lines, two_sided = np.zeros((2, 2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
-        whole, lag_sums, tiles, far = [], [], [], []
+        all_times_ns = sensor_events(window).times_ns
+        constant_ns = time_constant_ns(declared.bandwidth_hz)
+        lines, two_sided, coarse = np.zeros((3, 2, 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+        whole, lag_sums, error_gains, tiles, far = [], [], [], [], []
         for i in chosen:
             between_ns = int(resampled.times_ns[i]), int(resampled.times_ns[i + 1])
-            by_events = level_changes(events, sensor, between_ns, thresholds)
+            by_events = changes_of_light(events, sensor, between_ns, thresholds, constant_ns)
             earlier, later = (lattice_signals(window, resampled, declared, frame) for frame in (i, i + 1))
             fired = by_events.mean != 0
             flag = USABLE + KNOWN * by_events.is_known + FIRED * fired + OPEN * (fired & ~by_events.is_known)
@@ -253,15 +264,24 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             lag_sums.append(changes.lag_sums())
             lines += changes.patches(by_events.line)
             two_sided += changes.patches(np.where(by_events.is_known, by_events.mean, 0.0))
+            if constant_ns:
+                twice = changes_of_light(events, sensor, between_ns, thresholds, constant_ns, STEPS[1])
+                coarse += changes.patches(twice.mean)
+            else:
+                coarse += whole[-1].patches[0]
+            fired_pixels = int(np.count_nonzero(fired))
+            error_gains.append(level_error_gain(all_times_ns, between_ns, constant_ns, fired_pixels))
             far.append(far_sums(changes.changes[0], changes.events, changes.flags[0] > 0))
             tiles.append(changes.tile_sums(GRID))
         return ShiftCorrelations(
             np.concatenate([sums.patches for sums in whole]),
             lines,
             two_sided,
+            coarse,
             np.concatenate([sums.squares for sums in whole]),
             np.concatenate([sums.slopes for sums in whole]),
             np.array(lag_sums),
+            np.array(error_gains),
             joined(far),
             ShiftSums.added(tiles),
             window.span.start_ns,
@@ -281,6 +301,8 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             return Observation(coverage, unobservable="the event sensor is not declared")
         # The larger threshold leaves the larger uncertainty of the level.
         threshold = max(facts.declared.events.threshold_on, facts.declared.events.threshold_off)
+        # Undoing a low-pass adds the uncertainty of two more levels.
+        threshold *= float(np.sqrt(np.mean(np.concatenate([window.error_gains for window in state]))))
         slopes = np.concatenate([window.slopes for window in state]).mean(axis=0)
         if far is None:
             total = patches.sum(axis=0)
@@ -295,19 +317,19 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             over_time, over_image = lattice_spread(patches), lattice_spread(tiles[tiles.any(axis=(1, 2, 3))])
             variants = [
                 lattice_peak(np.sum([getattr(window, name) for window in state], axis=0))
-                for name in ("lines", "two_sided")
+                for name in ("lines", "two_sided", "coarse")
             ]
             if over_time is None or over_image is None or None in variants:
                 return Observation(coverage, unobservable="the peak depends on single frame intervals or tiles")
             shift, errors = near, np.maximum(over_time, over_image)
-            # Excursions of the level between events, and pixels without an event before or after a frame: two errors of
-            # the level, each bounded by the distance of the peak without them; the second also by its lag, where that
-            # exceeds the texture.
-            by_excursions, by_references = (
+            # Excursions of the level between events, pixels without an event before or after a frame, and the step of
+            # the difference that undoes a low-pass: errors of the level, each bounded by the distance of the peak
+            # without them, or with twice the step; the second also by its lag, where that exceeds the texture.
+            by_excursions, by_references, by_step = (
                 np.abs([each.right_px - near.right_px, each.down_px - near.down_px]) for each in variants if each
             )
             lag_sums = np.concatenate([window.lag_sums for window in state]).sum(axis=0)
-            bounds = by_excursions + np.maximum(by_references, reference_lags(lag_sums, threshold))
+            bounds = by_excursions + np.maximum(by_references, reference_lags(lag_sums, threshold)) + by_step
         else:
             level_errors, bounds = open_level_errors(slopes, threshold)
             shift, errors = far.shift, np.maximum(far.errors_px, level_errors)

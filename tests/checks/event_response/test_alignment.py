@@ -1,4 +1,4 @@
-"""Shift of events against frames where texture is faint."""
+"""Shift of events against frames where texture is faint, and behind a low-pass."""
 
 from pathlib import Path
 
@@ -46,3 +46,26 @@ def test_smaller_thresholds_resolve_the_texture(tmp_path: Path) -> None:
         assert shift.value == pytest.approx(0.0, abs=0.3)
         assert shift.limit is not None
         assert shift.limit < 1.0
+
+
+FAST_TURN = """
+name = "slow-sensor"
+base = "fast-turn"
+description = "A fast turn behind a low-pass with a time constant of 3 ms."
+[events]
+bandwidth_hz = 50.0
+"""
+
+
+def test_the_lag_of_a_declared_low_pass_is_no_shift(tmp_path: Path) -> None:
+    """The light follows from the level and its derivative; the level alone lies 0.9 px behind."""
+    scene, path = tmp_path / "turn.toml", tmp_path / "turn.h5"
+    scene.write_text(FAST_TURN)
+    source = load_scene(str(scene)).with_size(240, 180).starting_at(0.5)
+    generate_sequence(source, path, Request(duration_s=0.5, quality="draft"))
+    result = run_check(path, "event_response.alignment")
+    (shift,) = (each for each in result.measurements if each.name == "shift_right")
+    assert result.outcome == "passed"
+    assert shift.value == pytest.approx(0, abs=0.4)
+    assert shift.limit is not None
+    assert shift.limit < 1.0
