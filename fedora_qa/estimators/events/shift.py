@@ -113,7 +113,7 @@ def cross_correlation(change: Float64, events: Float64, usable: Bool, rest: floa
     change, events = (np.ascontiguousarray(image, np.float64) for image in (change, events))
     flags = np.ascontiguousarray(usable).view(np.uint8)
     whole = 0, usable.shape[0], 0, usable.shape[1]
-    correlate(change, events, flags, USABLE, whole, whole, rest, patch, np.empty((2, 0, 0)))
+    correlate(change, events, flags, flags, USABLE, whole, whole, rest, patch, np.empty((2, 0, 0)))
     return patch
 
 
@@ -259,7 +259,10 @@ class IntervalChanges:
         squares, at_no_shift, energies = [], 0.0, np.empty((2, *patches.shape[1:]))
         for change, flags, area, patch in zip(self.changes, self.flags, self.areas, patches, strict=True):
             # Without usable pixels the correlation is 0, whatever the area.
-            squares.append(correlate(change, events, flags, USABLE, box, area or box, 0.0, patch, energies))
+            # Events lie at the centres of pixels, whichever the lattice of the changes.
+            squares.append(
+                correlate(change, events, flags, self.flags[0], USABLE, box, area or box, 0.0, patch, energies)
+            )
             # Of an image with fewer pixels than tiles, some tiles are empty.
             if area is None or box[0] == box[1] or box[2] == box[3]:
                 continue

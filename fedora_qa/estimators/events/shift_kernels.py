@@ -39,6 +39,7 @@ def correlate(
     change: Float64,
     events: Float64,
     flags: Flags,
+    event_flags: Flags,
     flag: int,
     box: Box,
     area: Box,
@@ -49,19 +50,21 @@ def correlate(
     """Write the cross-correlation of change and events of a part of the image, and return their sums of squares.
 
     For the correlation and the energies, both images are taken less their means over the flagged pixels of the part.
-    Change is 0 where pixels are not flagged, and events also outside the part. All shifts of a part therefore have
-    equally many pairs, except where they reach beyond the image.
+    Both are 0 where pixels are not flagged, and events also outside the part. All shifts of a part therefore have
+    equally many pairs, except where they reach beyond the image. Each image has flags of its own, because changes can
+    be those at the corners of pixels: a mask that lies half a pixel from the events it masks would move their peak.
 
     Parameters
     ----------
     change, events
         (h, w) changes of the level by frames and by events.
-    flags, flag
-        (h, w) flags of pixels, and the flag of those that count.
+    flags, event_flags, flag
+        (h, w) flags of the pixels of change and of events, and the flag of those that count.
     box
         Top, bottom, left and right of the part, px, half open.
     area
-        Rectangle that holds all flagged pixels. The energy of events counts a pixel if its partner lies within it.
+        Rectangle that holds all flagged pixels of change. The energy of events counts a pixel if its partner lies
+        within it.
     rest
         Value of ``events`` where a pixel does not fire. It saves time; the result does not depend on it.
     patch
@@ -78,18 +81,19 @@ def correlate(
     """
     top, bottom, left, right = box
     width = right - left
-    count, change_sum, event_sum, change_squares, event_squares = 0, 0.0, 0.0, 0.0, 0.0
+    count, change_sum, change_squares = 0, 0.0, 0.0
+    event_count, event_sum, event_squares = 0, 0.0, 0.0
     for row in range(top, bottom):
-        row_sums = _sums_of_row(change[row, left:right], events[row, left:right], flags[row, left:right], flag)
-        count += int(row_sums[0])
-        change_sum, event_sum = change_sum + row_sums[1], event_sum + row_sums[2]
-        change_squares, event_squares = change_squares + row_sums[3], event_squares + row_sums[4]
+        flagged, total, squares = _sums_of_row(change[row, left:right], flags[row, left:right], flag)
+        count, change_sum, change_squares = count + flagged, change_sum + total, change_squares + squares
+        flagged, total, squares = _sums_of_row(events[row, left:right], event_flags[row, left:right], flag)
+        event_count, event_sum, event_squares = event_count + flagged, event_sum + total, event_squares + squares
     # patch[s] = sum_x (c(x) - mean c) (e(x + s) - mean e); pixels without the flag are 0 in both.
     patch[:] = 0.0
     energies[:] = 0.0
-    if count == 0:
+    if count == 0 or event_count == 0:
         return change_squares, event_squares
-    mean, with_energies = event_sum / count, energies.size > 0
+    mean, with_energies = event_sum / event_count, energies.size > 0
     # Rounded to single precision as ``fired`` is: otherwise the values of silent pixels would not be equal to it.
     beside = np.float64(np.float32(rest - mean))
     around = np.zeros((bottom - top + 2 * RADIUS, width + _WIDE - 1), np.float32)
@@ -115,7 +119,7 @@ def correlate(
     fired, columns = np.empty(width, np.float32), np.empty(width + 1, np.int64)
     products = np.empty((_SIDE, _WIDE), np.float32)
     for row in range(top, bottom):
-        _centre(events[row, left:right], mean, flags[row, left:right], flag, fired)
+        _centre(events[row, left:right], mean, event_flags[row, left:right], flag, fired)
         if with_energies:
             _partnered_sums(fired * fired, area[2] - RADIUS - left, area[3] - RADIUS - left, shifted)
             for down in range(max(row - area[1] + 1 + RADIUS, 0), min(row - area[0] + 1 + RADIUS, _SIDE)):
@@ -155,8 +159,8 @@ def correlate_with_itself(change: Float64, flags: Flags, flag: int, patch: Float
     height, width = change.shape
     count, total = 0, 0.0
     for row in range(height):
-        row_sums = _sums_of_row(change[row], change[row], flags[row], flag)
-        count, total = count + int(row_sums[0]), total + row_sums[1]
+        flagged, of_row, _ = _sums_of_row(change[row], flags[row], flag)
+        count, total = count + flagged, total + of_row
     patch[:] = 0.0
     if count == 0:
         return
@@ -175,18 +179,16 @@ def correlate_with_itself(change: Float64, flags: Flags, flag: int, patch: Float
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
-def _sums_of_row(change: Float64, events: Float64, flags: Flags, flag: int) -> tuple[float, float, float, float, float]:
-    """Return the number of flagged pixels of a row, their sums of change and events, and their sums of squares."""
-    count, change_sum, event_sum, change_squares, event_squares = 0.0, 0.0, 0.0, 0.0, 0.0
+def _sums_of_row(values: Float64, flags: Flags, flag: int) -> tuple[int, float, float]:
+    """Return the number of flagged pixels of a row, their sum, and their sum of squares."""
+    count, total, squares = 0.0, 0.0, 0.0
     for i in range(len(flags)):
         used = (flags[i] & flag) != 0
-        changed, fired = change[i] if used else 0.0, events[i] if used else 0.0
+        value = values[i] if used else 0.0
         count += 1.0 if used else 0.0
-        change_sum += changed
-        event_sum += fired
-        change_squares += changed * changed
-        event_squares += fired * fired
-    return count, change_sum, event_sum, change_squares, event_squares
+        total += value
+        squares += value * value
+    return int(count), total, squares
 
 
 @njit(cache=True)
