@@ -36,6 +36,7 @@ from tests.benchmarks.foreign_faults.poses import ORIENTATION, POSITION
 from tests.benchmarks.foreign_faults.second_round.kinds import SECOND_ROUND
 from tests.benchmarks.foreign_faults.seventh_round.kinds import SEVENTH_ROUND
 from tests.benchmarks.foreign_faults.sixth_round.kinds import SIXTH_ROUND
+from tests.benchmarks.foreign_faults.tenth_round.kinds import TENTH_ROUND
 from tests.benchmarks.foreign_faults.third_round.kinds import THIRD_ROUND
 
 _CLOCKS: Final = (
@@ -458,4 +459,5 @@ KINDS: Final = (
     *SEVENTH_ROUND,
     *EIGHTH_ROUND,
     *NINTH_ROUND,
+    *TENTH_ROUND,
 )
