@@ -9,7 +9,7 @@ and at its worst. Diagnosis runs only after an alarm: on clean files it would al
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from math import isclose
 from types import MappingProxyType
@@ -247,6 +247,7 @@ def choose_causes(
 
     diagnoses: list[Diagnosis] = []
     explained: set[str] = set()
+    measured: set[tuple[str, str]] = set()
     # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most support, counted by check. Among equal
     # ones the first counts, which is ranked higher without trials.
     while supported := [c for c in candidates if gain(c) >= _ENOUGH and (tested[c.key] or c.best_support >= FITS)]:
@@ -261,6 +262,9 @@ def choose_causes(
         status, alike = status_of(best, own, codes, trials, rivals, likely)
         size, trial = best.size, trials.get(best.key)
         magnitude = size.magnitude
+        is_by_chance = trial is not None and trial.cleared and trial.cleared.isdisjoint(prior[best.key].evidence)
+        if status == "confirmed" or (status == "supported" and not is_by_chance):
+            measured.add(best.key)
         if trial is not None and trial.cleared:
             magnitude = trial.size or _size_by_trial(best.cause, magnitude, trial.fault)
         diagnoses.append(
@@ -309,14 +313,18 @@ def choose_causes(
                 status="unidentified",
             )
         )
-    return _confirmed_first(diagnoses)
+    return _measured_first(diagnoses, measured)
 
 
-def _confirmed_first(diagnoses: Sequence[Diagnosis]) -> tuple[Diagnosis, ...]:
-    """Return diagnoses with those that are confirmed first, where the one that explains most is only suggested."""
+def _measured_first(diagnoses: Sequence[Diagnosis], measured: Collection[tuple[str, str]]) -> tuple[Diagnosis, ...]:
+    """Return diagnoses, confirmed and then measured ones first where the one that explains most is only suggested.
+
+    A suggestion explains whatever its findings share. A measured cause is supported by its own check, or by a trial
+    that clears what the cause was proposed for.
+    """
     if not diagnoses or diagnoses[0].status != "suggested":
         return tuple(diagnoses)
-    ordered = sorted(diagnoses, key=lambda diagnosis: diagnosis.status != "confirmed")
+    ordered = sorted(diagnoses, key=lambda each: (each.status != "confirmed", key_of(each) not in measured))
     return tuple(replace(diagnosis, id=f"D{number}") for number, diagnosis in enumerate(ordered, 1))
 
 

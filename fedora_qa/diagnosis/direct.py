@@ -87,12 +87,14 @@ CHECKS_OF_CLOCKS: Final = frozenset({"clocks.order", "clocks.rate"})
 _BY_CONSTRUCTION: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "unsorted": ("clocks.order",),
+        "duplicated_samples": ("event_stream.duplicates",),
         "clock_rate": ("clocks.rate", "clocks.resolution", "clocks.span", "images.repeats"),
         "time_offset": ("clocks.resolution", "images.repeats"),
         "event_model_misdeclared": ("event_response.conservation",),
     }
 )
-"""Checks whose findings vanish with a fault undone, whatever their cause is: sorted timestamps are in order, timestamps
+"""Checks whose findings vanish with a fault undone, whatever their cause is: sorted timestamps are in order, events of
+which the repeated ones are left out repeat no other, whatever had given them one timestamp, timestamps
 that are stretched by the measured rate have the nominal one, or the span of the others, those that were moved or
 stretched do not lie on the grid on which they were, frames that were moved out of the measured time repeat no other,
 and the law of the linear model bounds pixels without events and those of one sign alone, which events that are lost

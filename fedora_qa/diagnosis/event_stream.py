@@ -44,10 +44,23 @@ def propose_bounds(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 def propose_duplicates(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the causes of repeated events: a packet that was written twice, or a hot pixel, jitter or rounding."""
-    repeats = only_feature(alarm.statistic.features, RepeatedEvents).count
+    repeated = only_feature(alarm.statistic.features, RepeatedEvents)
+    repeats = repeated.count
     if alarm.finding.code == "event_stream.duplicates.packet":
         supported = support("event_stream.doubled_ticks")
         return (Hypothesis("duplicated_samples", "events", supported, float(repeats), "samples"),)
+    if 2 * repeated.at_crowds > repeats:
+        # Whoever writes an event twice crowds no other pixel into its timestamp.
+        return (
+            Hypothesis("quantised_time", "events", support("event_stream.repeats_at_crowds")),
+            Hypothesis(
+                "duplicated_samples",
+                "events",
+                support("event_stream.repeats_of_crowds_doubled"),
+                float(repeats),
+                "samples",
+            ),
+        )
     few = repeats <= _BY_CHANCE
     rare = facts.events is not None and repeats <= _RARE * facts.events.count
     by_jitter = "event_stream.rare_repeats_of_jitter" if rare else "event_stream.repeats_of_jitter"

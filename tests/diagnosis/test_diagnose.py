@@ -217,6 +217,29 @@ def test_what_vanishes_by_construction_is_no_evidence() -> None:
     assert [(d.cause, d.status) for d in diagnosed(shown, of_order)] == [("unsorted", "confirmed")]
 
 
+def test_events_that_are_left_out_repeat_no_more() -> None:
+    """Whether they were written twice, or were given one timestamp; what else their trial brings about counts not."""
+    twice, together = Hypothesis("duplicated_samples", "events", 0.9), Hypothesis("quantised_time", "events", 0.5)
+    trials = {("duplicated_samples", "events"): tried("F1", caused=("event_response.conservation.pixels",))}
+    code = "event_stream.duplicates.event"
+    assert diagnosed([alarm(1, twice, together, code=code)], trials)[0].cause == "duplicated_samples"
+    less = replace(twice, support=0.2)
+    assert diagnosed([alarm(1, less, together, code=code)], trials)[0].cause == "quantised_time"
+
+
+def test_what_is_only_suggested_comes_behind_what_was_measured() -> None:
+    """However many findings it would explain."""
+    flow_gain, steps = Hypothesis("flow_gain", "flow", 0.5), Hypothesis("quantised_values", "flow", 0.95)
+    shown = [
+        *(alarm(i, flow_gain, code=f"rule.{i}") for i in (1, 2, 3)),
+        alarm(4, steps, code="integrity.resolution.a"),
+    ]
+    assert [(d.id, d.cause, d.status) for d in diagnosed(shown)] == [
+        ("D1", "quantised_values", "supported"),
+        ("D2", "flow_gain", "suggested"),
+    ]
+
+
 @pytest.mark.parametrize(("others", "status"), [((), "confirmed"), (("clocks.gaps.jump",), "supported")])
 def test_a_rate_is_not_confirmed_beside_another_finding_of_clocks(others: tuple[str, ...], status: str) -> None:
     """Stretched timestamps have the nominal period by construction; a jump beside it asks for another cause of both."""
@@ -472,8 +495,8 @@ def test_what_another_fault_leaves_excludes_nothing() -> None:
     shown = [alarm(1, late, code="event_response.timing.offset"), alarm(2, lost, code="clocks.gaps.gap")]
     of_other, of_own = ({IS_LATE: tried(left={finding: 1.0})} for finding in ("F2", "F1"))
     assert [(d.cause, d.status) for d in diagnosed(shown, of_other)] == [
-        ("time_offset", "suggested"),
         ("dropped_samples", "supported"),
+        ("time_offset", "suggested"),
     ]
     assert "time_offset" not in {d.cause for d in diagnosed(shown, of_own)}
 

@@ -4,6 +4,7 @@ from typing import Literal, get_args, get_type_hints
 
 import pytest
 
+from fedora_qa.checks.event_stream.duplicates import RepeatedEvents
 from fedora_qa.checks.event_stream.rates import HotPixelCount, MovedHotPixels
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from tests.support.proposals import proposed
@@ -45,3 +46,10 @@ def test_what_silences_declared_hot_pixels_may_be_any_fault_of_the_events() -> N
     """Events that are lost or moved are those of hot pixels as well; none makes them fire more often."""
     slow = proposed("event_stream.rates.declared_hot_pixels", stream="events", value=13.0, expected=200.0)
     assert [(each.cause, each.support) for each in slow] == [("noise_misdeclared", 0.8), (ANY_CAUSE, 0.5)]
+
+
+@pytest.mark.parametrize(("at_crowds", "cause"), [(900, "quantised_time"), (100, "duplicated_samples")])
+def test_repeats_beside_many_others_of_their_timestamp_were_stamped_together(at_crowds: int, cause: str) -> None:
+    """Whoever writes events twice crowds no pixels into a timestamp that fire once."""
+    repeated = proposed("event_stream.duplicates.event", RepeatedEvents(1000, at_crowds), stream="events")
+    assert max(repeated, key=lambda each: each.support).cause == cause

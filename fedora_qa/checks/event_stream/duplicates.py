@@ -16,7 +16,7 @@ from fedora_qa.checks.event_stream.event_rows import (
 )
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.clocks.grid import moved_together
+from fedora_qa.estimators.clocks.grid import crowded_timestamps, moved_together
 from fedora_qa.estimators.events.pixels import count_repeats, find_repeats, mark_repeats
 from fedora_qa.estimators.events.repeats import (
     AROUND,
@@ -46,9 +46,12 @@ class RepeatedEvents(Feature):
     ----------
     count
         Their number in the file.
+    at_crowds
+        Number of these at timestamps that many other pixels have as well, each counted once.
     """
 
     count: int
+    at_crowds: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +66,8 @@ class RepeatCount:
         Number of events with pixel and timestamp of another.
     of_moved
         Number of these at timestamps to which a part of the events was moved: a grid, or the ends of the stream.
+    at_crowds
+        Number of the others at crowded timestamps.
     close
         Number of pairs of successive events of a pixel that are 1 to ``NEAR_US`` us apart.
     on_grid
@@ -82,6 +87,7 @@ class RepeatCount:
     events: int
     repeats: int
     of_moved: int
+    at_crowds: int
     close: int
     on_grid: bool
     pairs: tuple[int, ...]
@@ -157,7 +163,7 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
         shape, tick = sensor_shape(window.facts.declared), local_tick_ns(window)
         on_grid, start = tick > NS_PER_US, window.owned("events").start
         repeats, close = count_repeats(events.x, events.y, events.times_ns, shape, NEAR_US * NS_PER_US)
-        first, of_moved, doubled, first_doubled = -1, 0, 0, -1
+        first, of_moved, at_crowds, doubled, first_doubled = -1, 0, 0, 0, -1
         doubled_ticks, tiles, even_tiles = np.zeros(_MOST_TILES + 1, np.int64), 0, 0
         # The rows of repeats take a second pass, which only windows with repeats need.
         if repeats:
@@ -166,9 +172,10 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
             rows = np.flatnonzero(mark_repeats(events.x, events.y, events.times_ns, shape))
             nearby = sensor_events(window)
             # Doubled events crowd no timestamp: each counts once.
-            once = ~mark_repeats(nearby.x, nearby.y, nearby.times_ns, shape)
-            moved = moved_together(events.times_ns[rows], nearby.times_ns[once])
+            once_ns = nearby.times_ns[~mark_repeats(nearby.x, nearby.y, nearby.times_ns, shape)]
+            moved = moved_together(events.times_ns[rows], once_ns)
             of_moved, others = int(np.count_nonzero(moved)), rows[~moved]
+            at_crowds = int(np.count_nonzero(np.isin(events.times_ns[others], crowded_timestamps(once_ns))))
             first = int(others[0]) if len(others) else -1
         if doubled:
             tiles, even_tiles = tally_ticks(events.x, events.y, events.times_ns, events.p, shape, doubled_ticks)
@@ -194,6 +201,7 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
             events=len(events),
             repeats=repeats,
             of_moved=of_moved,
+            at_crowds=at_crowds,
             close=close,
             on_grid=on_grid,
             pairs=tuple(pairs.tolist()),
@@ -288,5 +296,5 @@ def _repeats(state: Sequence[RepeatCount], facts: Facts) -> Statistic:
         statement=f"{repeats} events have the pixel and timestamp of another{by_chance}.",
         code="event_stream.duplicates.event",
         where=where_of(facts, next((count.first for count in state if count.first is not None), None)),
-        features=(RepeatedEvents(repeats),),
+        features=(RepeatedEvents(repeats, sum(count.at_crowds for count in state)),),
     )

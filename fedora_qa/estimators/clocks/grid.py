@@ -283,9 +283,7 @@ def crowded_step_ns(times_ns: Int64) -> int:
 def moved_together(chosen_ns: Int64, times_ns: Int64) -> NDArray[np.bool_]:
     """Return which timestamps are those to which a part of the events was moved: a grid, or the ends of a stream.
 
-    A timestamp is crowded where its number of events is improbable beside those of the ``_BESIDE_US`` before and after
-    it. Of M + c events, M at the timestamp and c beside it, M is binomial with the share of one microsecond. Crowded
-    timestamps between the ends are a grid where they have a common step.
+    Crowded timestamps between the ends are a grid where they have a common step.
 
     Parameters
     ----------
@@ -300,6 +298,33 @@ def moved_together(chosen_ns: Int64, times_ns: Int64) -> NDArray[np.bool_]:
         (k,) True for timestamps on such a grid, crowded or not, and for the first and the last one of the events where
         these are crowded.
     """
+    crowded_ns = crowded_timestamps(times_ns)
+    # Whoever limits timestamps to those of the stream moves events to its ends, whatever the grid.
+    is_end = np.isin(crowded_ns, times_ns[[0, -1]]) if len(crowded_ns) else np.zeros(0, np.bool_)
+    moved = np.isin(chosen_ns, crowded_ns[is_end])
+    within_ns = crowded_ns[~is_end]
+    steps_ns = np.diff(within_ns)
+    step_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
+    if step_ns > NS_PER_US and surely_no_chance(np.full(len(steps_ns), step_ns / NS_PER_US)):
+        moved |= (chosen_ns - within_ns[0]) % step_ns == 0
+    return moved
+
+
+def crowded_timestamps(times_ns: Int64) -> Int64:
+    """Return the timestamps whose number of events is improbable beside those of the ``_BESIDE_US`` before and after.
+
+    Of M + c events, M at the timestamp and c beside it, M is binomial with the share of one microsecond.
+
+    Parameters
+    ----------
+    times_ns
+        (n,) timestamps of the events of a window and of its halo, sorted, ns. Whole microseconds.
+
+    Returns
+    -------
+    NDArray[np.int64]
+        (k,) in ascending order, ns.
+    """
     distinct_ns, counts = np.unique(times_ns, return_counts=True)
     beside_ns = _BESIDE_US * NS_PER_US
     before = np.searchsorted(times_ns, distinct_ns - beside_ns, "left")
@@ -309,16 +334,9 @@ def moved_together(chosen_ns: Int64, times_ns: Int64) -> NDArray[np.bool_]:
         np.minimum(distinct_ns - distinct_ns[:1], beside_ns) + np.minimum(distinct_ns[-1:] - distinct_ns, beside_ns)
     ) / NS_PER_US  # fmt: skip
     log_chances = log_chance_of_hits(counts, after - before, 1 / compared_us)
-    crowded_ns = distinct_ns[log_chances + np.log(max(len(distinct_ns), 1)) < _LOG_CHANCE_OF_CROWD]
-    # Whoever limits timestamps to those of the stream moves events to its ends, whatever the grid.
-    is_end = np.isin(crowded_ns, distinct_ns[[0, -1]]) if len(crowded_ns) else np.zeros(0, np.bool_)
-    moved = np.isin(chosen_ns, crowded_ns[is_end])
-    within_ns = crowded_ns[~is_end]
-    steps_ns = np.diff(within_ns)
-    step_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
-    if step_ns > NS_PER_US and surely_no_chance(np.full(len(steps_ns), step_ns / NS_PER_US)):
-        moved |= (chosen_ns - within_ns[0]) % step_ns == 0
-    return moved
+    chances = log_chances + np.log(max(len(distinct_ns), 1))
+    crowded: Int64 = distinct_ns[chances < _LOG_CHANCE_OF_CROWD]
+    return crowded
 
 
 @njit(cache=True)

@@ -227,6 +227,21 @@ def test_coincidences_by_chance_are_no_repeats(erring: Change, path: Path) -> No
     assert "event" in rules(run_check(path, "event_stream.duplicates"))
 
 
+def test_events_that_were_given_one_time_do_not_name_doubled_ones(path: Path) -> None:
+    """No time may lie before one that was late by 30 ms: pixels fire twice at it, and many more of them once."""
+
+    def held(events: Stream) -> Stream:
+        begin, end = np.searchsorted(events.times_ns, [300_000_000, 330_000_000])
+        times_ns = events.times_ns.copy()
+        times_ns[begin] = times_ns[end]
+        return Stream(events.x, events.y, np.maximum.accumulate(times_ns), events.p)
+
+    altered(held, log_file(Checkers(velocity_px_s=(400.0, 150.0), amplitude_dn=60.0))).write(path)
+    record = check_file(path, CheckOptions(select=("event_stream.duplicates",))).record
+    assert [each.outcome for each in record.results if each.check == "event_stream.duplicates"] == ["failed"]
+    assert record.diagnoses[0].cause == "quantised_time"
+
+
 def test_one_repeat_of_an_exact_stream_is_found(path: Path) -> None:
     """A single event that was written twice is one too many."""
     altered(lambda e: inserted(e, e.keep(np.arange(len(e)) == 1234))).write(path)

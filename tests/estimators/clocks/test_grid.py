@@ -12,6 +12,7 @@ from fedora_qa.estimators.clocks.grid import (
     _hits_by_timestamp,
     comb_counts,
     crowded_step_ns,
+    crowded_timestamps,
     is_on_comb,
     moved_together,
     single_precision_spacing_us,
@@ -173,6 +174,14 @@ def test_events_are_moved_to_a_grid(seed: int, step_us: int, share: float) -> No
     )
     assert moved_together(grid_ns, moved_ns).all()
     assert not moved_together(grid_ns + 1000, moved_ns).any()
+
+
+def test_a_timestamp_that_many_events_have_is_crowded() -> None:
+    """Events at random crowd none."""
+    times_ns = np.sort(np.random.default_rng(0).integers(0, 200_000, 10_000)) * 1000
+    assert not len(crowded_timestamps(times_ns))
+    held_ns = np.sort(np.concatenate([times_ns, np.full(30, 77_000_000)]))
+    assert crowded_timestamps(held_ns).tolist() == [77_000_000]
 
 
 def test_events_are_moved_to_the_ends() -> None:
