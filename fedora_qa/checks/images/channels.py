@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
+import numpy as np
+
 from fedora_qa.checks.images.event_colours import ColourCheck, ColourResponse
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.estimators.images.event_colours import WRONG_ORDERS, nearest_order, towards
@@ -56,10 +58,11 @@ class ImagesChannels(ColourCheck):
     Noise model
     -----------
     The standard error is the larger of the formal one and the jackknife over quarters of the image and windows. The
-    model error bound is the sum of three biases of the weights: attenuation by errors of the frames that all channels
-    share (bounded by the residual); the error of the level between events (cubics against straight lines); and 0.01 in
-    a difference of weights, measured with closed-form frames and events, where interpolated levels change it by up to
-    0.006.
+    model error bound is the sum of four biases of the weights: attenuation by errors of the frames that all channels
+    share (bounded by the residual); attenuation by noise of single channels, of the variance that no combination of the
+    other channels explains in small patches (``fedora_qa/estimators/images/channel_noise.py``); the error of the level
+    between events (cubics against straight lines); and 0.01 in a difference of weights, measured with closed-form
+    frames and events, where interpolated levels change it by up to 0.006.
 
     Cannot detect
     -------------
@@ -102,6 +105,8 @@ class ImagesChannels(ColourCheck):
     def why_blind(self, response: ColourResponse) -> str:
         """Return that an exchange of red and blue could not be detected; empty where it could."""
         estimate = towards(response.fit, EXCHANGED)
+        if not np.isfinite(estimate.standard_error):
+            return "the channels of the frames differ by no more than their noise"
         # A bias may hide an exchange, and another one may look like an exchange: twice the bound (DETECTED_AT).
         least = 2 * estimate.bound + DETECTED_AT * estimate.standard_error
         return "" if least <= 1 else f"too little colour: the detection limit is {least:.2f} of a red-blue exchange"

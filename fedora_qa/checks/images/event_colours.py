@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.events.levels import LevelImages, LevelPairs, level_pairs
+from fedora_qa.estimators.images.channel_noise import channel_noise_variances
 from fedora_qa.estimators.images.event_colours import (
     ColourBlocks,
     ColourFit,
@@ -19,6 +20,7 @@ from fedora_qa.estimators.images.event_colours import (
     curve_slopes,
     edge_aware_colours,
     fit_colours,
+    signal_secants,
 )
 from fedora_qa.estimators.images.gain import CODES, exponent_after_rounding
 from fedora_qa.estimators.images.luma import TRANSFERS, to_code, to_linear
@@ -137,6 +139,8 @@ def _colour_sums(window: Window) -> ColourSums | None:
     transfer = window.facts.declared.transfer
     linear_dn = to_linear(np.arange(256.0), transfer)
     colours = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+    # Variance of the difference of both by noise of single channels, DN^2.
+    noise_dn2 = np.zeros((len(pairs), 3))
     codes = np.zeros(CODES, dtype=np.int64)
     for i, frame in enumerate(frames.frames):
         at_start, at_end = pairs.earlier == i, pairs.later == i
@@ -145,8 +149,12 @@ def _colour_sums(window: Window) -> ColourSums | None:
         rgb = turned_frame(window, window.rgb(int(frame)))
         count_codes(rgb, _SAMPLED_EVERY_PX, codes)
         prints = event_footprints(window, (rgb.shape[0], rgb.shape[1]))
+        of_channels_dn2 = channel_noise_variances(linear_dn[rgb])
+        of_rows, of_columns = ((axis.edge_aware.weights**2).sum(axis=1) for axis in (prints.rows, prints.columns))
         for at_frame, rgb_dn in zip((at_start, at_end), colours, strict=True):
             rgb_dn[at_frame] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_frame])
+            averaged = of_rows[rows[at_frame]] * of_columns[columns[at_frame]]
+            noise_dn2[at_frame] += averaged[:, np.newaxis] * of_channels_dn2
 
     def sums(curve: str, pairs: LevelPairs) -> ColourBlocks:
         steps = np.array([declared.threshold_on, declared.threshold_off])
@@ -155,7 +163,9 @@ def _colour_sums(window: Window) -> ColourSums | None:
         earlier, later = (each if curve == transfer else to_linear(to_code(each, transfer), curve) for each in colours)
         regressors = colour_columns(earlier, later, declared.model, declared.log_eps_dn)
         slopes = curve_slopes(earlier, later)
-        return colour_blocks(np.column_stack([regressors, -delay]), events, slopes, quarter, QUARTERS)
+        secants = signal_secants(earlier, later, declared.model, declared.log_eps_dn)
+        noise = noise_dn2 * secants[:, np.newaxis] ** 2
+        return colour_blocks(np.column_stack([regressors, -delay]), events, slopes, noise, quarter, QUARTERS)
 
     by_curve = tuple(sums(curve, pairs) for curve in _curves(transfer))
     return ColourSums(len(pairs), by_curve, sums(transfer, pairs.with_straight_lines()), codes)

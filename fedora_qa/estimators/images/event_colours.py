@@ -57,6 +57,9 @@ CONTRASTS: Final = np.array([[1.0, 0.0, -1.0], [-1.0, 1.0, 0.0], [0.0, 1.0, -1.0
 _EXPONENT_FITTED: Final = 4
 """Index of the exponent among the coefficients that are fitted."""
 
+_OF_WEIGHTS: Final = [0, 1, 2, 5, 6, 7]
+"""Places of weights and contrasts among the derived values; scale and exponent lie between them."""
+
 _LEAST_DN: Final = 1e-3
 _SINGULAR: Final = 1e-9
 """Least eigenvalue of the scaled normal matrix. Below it columns are collinear and coefficients are not determined."""
@@ -90,6 +93,8 @@ class ColourBlocks:
         (b,) sum of the weights.
     curve_slopes
         (b,) weighted sum of the change of H by a change of all channels, see ``curve_slopes``.
+    noise
+        (b, 3) weighted sum of the variances of the columns of the channels by noise of single channels.
     """
 
     matrices: Float64
@@ -97,6 +102,7 @@ class ColourBlocks:
     squares: Float64
     weights: Float64
     curve_slopes: Float64
+    noise: Float64
 
     def __len__(self) -> int:
         return len(self.weights)
@@ -206,19 +212,31 @@ def colour_columns(earlier_dn: Float64, later_dn: Float64, model: Literal["log",
         (m, 4): D of the three channels, and dH, in the unit of S.
     """
     weights = np.array(LUMA_WEIGHTS_RGB)
-    luma = [colours @ weights + eps_dn for colours in (earlier_dn, later_dn)]
     # sum of w_k c_k ln(c_k / 255)
     bent = [(weights * dn * np.log(np.maximum(dn, _LEAST_DN) / WHITE_DN)).sum(axis=1) for dn in (earlier_dn, later_dn)]
     change = later_dn - earlier_dn
     if model == "linear":
         return np.column_stack([change, bent[1] - bent[0]])
-    first, last = (np.maximum(values, _LEAST_DN) for values in luma)
+    bent_log = [
+        each / np.maximum(dn @ weights + eps_dn, _LEAST_DN)
+        for each, dn in zip(bent, (earlier_dn, later_dn), strict=True)
+    ]
+    secants = signal_secants(earlier_dn, later_dn, model, eps_dn)
+    return np.column_stack([change * secants[:, np.newaxis], bent_log[1] - bent_log[0]])
+
+
+def signal_secants(earlier_dn: Float64, later_dn: Float64, model: Literal["log", "linear"], eps_dn: float) -> Float64:
+    """Return the secants dS/dY (m,) between both times, unit of S over DN; parameters as of ``colour_columns``."""
+    if model == "linear":
+        return np.ones(len(earlier_dn))
+    weights = np.array(LUMA_WEIGHTS_RGB)
+    first, last = (np.maximum(dn @ weights + eps_dn, _LEAST_DN) for dn in (earlier_dn, later_dn))
     # The secant (ln last - ln first) / (last - first) = artanh(x) / (x mean), by its series where both are close.
     mean = 0.5 * (first + last)
     x = (last - first) / (2 * mean)
     not_small = np.where(np.abs(x) < 1e-3, 1.0, x)
-    secant = np.where(np.abs(x) < 1e-3, 1 + x**2 / 3, np.arctanh(not_small * (1 - 1e-12)) / not_small) / mean
-    return np.column_stack([change * secant[:, np.newaxis], bent[1] / last - bent[0] / first])
+    secants: Float64 = np.where(np.abs(x) < 1e-3, 1 + x**2 / 3, np.arctanh(not_small * (1 - 1e-12)) / not_small) / mean
+    return secants
 
 
 def curve_slopes(earlier_dn: Float64, later_dn: Float64) -> Float64:
@@ -241,7 +259,12 @@ def curve_slopes(earlier_dn: Float64, later_dn: Float64) -> Float64:
 
 
 def colour_blocks(
-    columns: Float64, events: Float64, slopes: Float64, block_of_sample: NDArray[np.intp], blocks: int
+    columns: Float64,
+    events: Float64,
+    slopes: Float64,
+    noise: Float64,
+    block_of_sample: NDArray[np.intp],
+    blocks: int,
 ) -> ColourBlocks:
     """Return normal equations of events on columns, summed by block, with Huber's weights.
 
@@ -253,6 +276,8 @@ def colour_blocks(
         (m,) sum of the events of each sample, in the unit of S.
     slopes
         (m,) of ``curve_slopes``.
+    noise
+        (m, 3) variances of the columns of the channels by noise of single channels.
     block_of_sample
         (m,) index of the block of each sample.
     blocks
@@ -265,7 +290,12 @@ def colour_blocks(
     """
     weights = huber_regression_weights(columns, events)
     sums = ColourBlocks(
-        np.zeros((blocks, PARAMETERS, PARAMETERS)), np.zeros((blocks, PARAMETERS)), *np.zeros((3, blocks))
+        matrices=np.zeros((blocks, PARAMETERS, PARAMETERS)),
+        vectors=np.zeros((blocks, PARAMETERS)),
+        squares=np.zeros(blocks),
+        weights=np.zeros(blocks),
+        curve_slopes=np.zeros(blocks),
+        noise=np.zeros((blocks, len(CHANNELS))),
     )
     for block in range(blocks):
         chosen = block_of_sample == block
@@ -273,6 +303,7 @@ def colour_blocks(
         sums.matrices[block], sums.vectors[block] = (X * w[:, np.newaxis]).T @ X, (X * w[:, np.newaxis]).T @ y
         sums.squares[block], sums.weights[block] = w @ y**2, w.sum()
         sums.curve_slopes[block] = w @ slopes[chosen]
+        sums.noise[block] = w @ noise[chosen]
     return sums
 
 
@@ -293,6 +324,11 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
     Errors e of the frames that are common to all channels, mostly of footprints, change all columns together, by u e.
     They attenuate the coefficients by (X'X)^-1 u n var(e) (u . beta). The residual of the events bounds (u . beta)^2
     var(e), and so does ``frame_variance``.
+
+    Errors of single channels attenuate them by (X'X)^-1 N beta, with N the diagonal sum of their variances (W. Fuller,
+    Measurement Error Models, 1987, section 2.2). beta = (X'X - N)^-1 X'y is free of it, but N is an upper bound: the
+    distance between both is a bound. Where X'X - N is not positive definite, the channels differ by no more than noise:
+    weights are not determined, and the attenuation of scale and exponent is that to first order.
 
     Parameters
     ----------
@@ -331,7 +367,13 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
     if with_exponent:
         common[_EXPONENT_FITTED] = float(blocks.curve_slopes.sum()) / max(count, 1e-300)
     bias = slopes @ inverse @ common * min(variance, frame_variance) * count / (common @ coefficients)
-    bounds = np.abs(bias)
+    noise = np.zeros(len(matrix))
+    noise[:3] = blocks.noise.sum(axis=0)
+    by_noise = _derived(_inverse(matrix - np.diag(noise)) @ vector) - values
+    if not np.isfinite(by_noise).all():
+        by_noise = slopes @ inverse @ (noise * coefficients)
+        errors[_OF_WEIGHTS], formal[:3, :3] = np.inf, np.nan
+    bounds = np.abs(bias) + np.abs(by_noise)
     estimates = [
         ColourEstimate(float(value), float(error), float(bound))
         if np.isfinite(error)
@@ -343,7 +385,7 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
         contrasts=(estimates[5], estimates[6], estimates[7]),
         scale=estimates[3],
         exponent=estimates[4],
-        weight_errors=ChannelWeightErrors(formal[:3, :3], between[:3, :3], bias[np.newaxis, :3]),
+        weight_errors=ChannelWeightErrors(formal[:3, :3], between[:3, :3], np.stack([bias[:3], by_noise[:3]])),
         variance=variance,
         unexplained=residual / total if total > 0 else 1.0,
     )

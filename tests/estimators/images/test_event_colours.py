@@ -23,6 +23,7 @@ from fedora_qa.estimators.images.event_colours import (
     curve_slopes,
     fit_colours,
     nearest_order,
+    signal_secants,
     towards,
     weights_in,
 )
@@ -30,6 +31,9 @@ from fedora_qa.estimators.images.event_colours import (
 Floats = NDArray[np.float64]
 WEIGHTS = np.array(LUMA_WEIGHTS_RGB)
 SAMPLES, BLOCKS = 2000, 20
+
+
+NO_NOISE = np.zeros((100, 3))
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,7 @@ class Levels:
     noise: float = 0.0
     common_noise: float = 0.0
     grey: bool = False
+    saturation: float = 1.0
     late_s: float = 0.0
     seed: int = 0
 
@@ -47,6 +52,7 @@ class Levels:
         """Fit frames that store the channels in ``order`` and bent by ``gamma``, thresholds declared too large."""
         rng = np.random.default_rng(self.seed)
         true = rng.uniform(20, 230, (2, SAMPLES, 1 if self.grey else 3)) * np.ones(3)
+        true = self.saturation * true + (1 - self.saturation) * true.mean(axis=-1, keepdims=True)
         signal = true @ WEIGHTS
         if self.model == "log":
             signal = np.log(signal)
@@ -57,7 +63,9 @@ class Levels:
         columns = colour_columns(stored[0], stored[1], self.model, 0.0)
         blocks = np.arange(SAMPLES) * BLOCKS // SAMPLES
         slopes = curve_slopes(stored[0], stored[1])
-        sums = colour_blocks(np.column_stack([columns, rate]), threshold * events, slopes, blocks, BLOCKS)
+        secants = signal_secants(stored[0], stored[1], self.model, 0.0)
+        noise = np.outer(secants**2, np.full(3, 2 * self.noise**2))
+        sums = colour_blocks(np.column_stack([columns, rate]), threshold * events, slopes, noise, blocks, BLOCKS)
         return fit_colours(concatenate_colours([sums]), with_exponent=self.model == "linear")
 
 
@@ -164,13 +172,33 @@ def test_columns_of_a_log_sensor_add_up_to_its_signal(first_dn: float, power: fl
     assert columns[:, :3] @ WEIGHTS == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.parametrize("model", ["log", "linear"])
+def test_noise_of_single_channels_biases_the_weights_by_its_bound(model: Literal["log", "linear"]) -> None:
+    """In a scene of little colour weights tend to be equal; the bound is the distance to the unattenuated fit."""
+    fits = [Levels(model, noise=4.0, saturation=0.1, seed=seed).fit() for seed in range(40)]
+    for channel, weight in enumerate(WEIGHTS):
+        estimates = [fit.weights[channel] for fit in fits]
+        error = np.mean([estimate.standard_error for estimate in estimates]) / np.sqrt(len(fits))
+        bias = abs(np.mean([estimate.value for estimate in estimates]) - weight)
+        assert bias > 10 * error
+        assert bias == pytest.approx(np.mean([estimate.bound for estimate in estimates]), rel=0.3)
+
+
+def test_channels_that_differ_by_noise_alone_have_no_weights() -> None:
+    """Noise as large as all changes leaves nothing that determines them; the order is not named."""
+    fit = Levels("log", noise=12.0, saturation=0.02).fit()
+    assert not np.isfinite(fit.weights[0].standard_error)
+    assert not np.isfinite(towards(fit, "BGR").standard_error)
+    assert np.isfinite([fit.scale.value, fit.scale.standard_error, fit.scale.bound]).all()
+
+
 def test_blocks_without_samples_are_left_out() -> None:
     """A quarter of the image that shows nothing is no block."""
     columns = np.random.default_rng(0).normal(size=(100, 5))
-    sums = colour_blocks(columns, columns @ np.ones(5), np.zeros(100), np.zeros(100, np.intp), 4)
+    sums = colour_blocks(columns, columns @ np.ones(5), np.zeros(100), NO_NOISE, np.zeros(100, np.intp), 4)
     assert len(concatenate_colours([sums, sums])) == 2
     # A quarter of the image without events tells that nothing changes there.
-    still = colour_blocks(columns, np.zeros(100), np.zeros(100), np.zeros(100, np.intp), 4)
+    still = colour_blocks(columns, np.zeros(100), np.zeros(100), NO_NOISE, np.zeros(100, np.intp), 4)
     assert len(concatenate_colours([still])) == 1
 
 
