@@ -82,7 +82,15 @@ def rigid_flow(
         (..., 2) px. NaN where depth is NaN, the point lies behind the camera, or the lens does not image an end. Not
         finite where the point lies so close to the plane Z = 0 of the camera that float64 overflows.
     """
-    X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m, lens)
+    points1_m = np.stack(moved_points(K, motion, columns, rows, depths_m, lens), axis=-1)
+    return flow_to_points(K, points1_m, columns, rows, lens)
+
+
+def flow_to_points(
+    K: Float64, points1_m: Float64, columns: Float64, rows: Float64, lens: Lens | None = None
+) -> Float64:
+    """Return the flow (..., 2) of pixels to points (..., 3) in the second camera frame, m, in px; as ``rigid_flow``."""
+    X1, Y1, Z1 = np.moveaxis(points1_m, -1, 0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # u = (fx X1 + s Y1) / Z1 + cx - column, v = fy Y1 / Z1 + cy - row, and through the lens where there is any.
         inverse = np.where(Z1 > 0, 1.0 / Z1, np.nan)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, twist_jacobian
+from fedora_qa.geometry.rigid_flow import flow_to_points, moved_points, rigid_flow, twist_jacobian
 from fedora_qa.sequence.declared import Lens
 
 Float64 = NDArray[np.float64]
@@ -24,6 +24,13 @@ _ITERATIONS: Final = 6
 """Most steps of Gauss-Newton."""
 
 _CONCENTRATIONS: Final = 10
+"""Most concentration steps from a start."""
+
+_FIRST_CONCENTRATIONS: Final = 2
+_KEPT_STARTS: Final = 2
+"""After two steps from each start, only the best starts are followed: of FAST-LTS (Rousseeuw, Van Driessen 2006,
+section 3), whose steps reduce the sum of squares most at first."""
+
 _CONVERGED_PX: Final = 1e-6
 """Iterations stop at a step whose components, each times the root sum of squares of the flow's derivatives over all
 pixels, add up to less than this: convergence is quadratic."""
@@ -111,7 +118,9 @@ class MotionFit:
     residual_px: Float64
 
 
-def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit | None:
+def fit_motion(
+    K: Float64, motion: RigidMotion, sample: FlowSample, start: RigidMotion | None = None
+) -> MotionFit | None:
     """Return the motion, corrected by Gauss-Newton steps, that fits the flow best.
 
     Directions that the sample does not determine (distant or few points) are not changed.
@@ -121,16 +130,18 @@ def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit
     K
         (3, 3) intrinsics, px.
     motion
-        Initial motion of points, from the camera frame at the start of the interval to that at its end.
+        Motion of points, from the camera frame at the start of the interval to that at its end; the twist corrects it.
     sample
         Pixels of the field.
+    start
+        Motion from which the steps begin; ``motion`` where None.
 
     Returns
     -------
     MotionFit or None
         None where the steps do not stay within the linearisation, or where most points lie behind the camera.
     """
-    fitted = motion
+    fitted = start or motion
     for _ in range(_ITERATIONS):
         residual, jacobian = _linearised(K, fitted, sample)
         # Gauss-Newton: (J^T J) step = J^T r, with J the derivative of the flow by the twist.
@@ -177,21 +188,29 @@ def fit_most(K: Float64, motion: RigidMotion, sample: FlowSample, fit: MotionFit
         middle = float(np.median(coordinates))
         halves = (np.flatnonzero(coordinates <= middle), np.flatnonzero(coordinates > middle))
         starts += [start for half in halves if (start := _fit_part(K, motion, sample, half)) is not None]
-    concentrated = []
-    for start in starts:
-        best = start
-        for _ in range(_CONCENTRATIONS):
-            half = np.argsort(_squares(best))[: len(sample.columns) // 2]
-            better = _fit_part(K, motion, sample, half)
-            if better is None or not _trimmed_squares(better) < _trimmed_squares(best):
-                break
-            best = better
-        concentrated.append(best)
-    return min(concentrated, key=_trimmed_squares)
+    begun = sorted(
+        (_concentrated(K, motion, sample, start, _FIRST_CONCENTRATIONS) for start in starts), key=_trimmed_squares
+    )
+    rest = _CONCENTRATIONS - _FIRST_CONCENTRATIONS
+    followed = [_concentrated(K, motion, sample, start, rest) for start in begun[:_KEPT_STARTS]]
+    return min(followed, key=_trimmed_squares)
 
 
-def _fit_part(K: Float64, motion: RigidMotion, sample: FlowSample, part: NDArray[np.intp]) -> MotionFit | None:
-    fit = fit_motion(K, motion, sample.chosen(part)) if len(part) else None
+def _concentrated(K: Float64, motion: RigidMotion, sample: FlowSample, fit: MotionFit, most: int) -> MotionFit:
+    """Return a fit after concentration steps, ``most`` at most: each fits the half with the least residuals."""
+    for _ in range(most):
+        half = np.argsort(_squares(fit))[: len(sample.columns) // 2]
+        better = _fit_part(K, motion, sample, half, fit.motion)
+        if better is None or not _trimmed_squares(better) < _trimmed_squares(fit):
+            break
+        fit = better
+    return fit
+
+
+def _fit_part(
+    K: Float64, motion: RigidMotion, sample: FlowSample, part: NDArray[np.intp], start: RigidMotion | None = None
+) -> MotionFit | None:
+    fit = fit_motion(K, motion, sample.chosen(part), start) if len(part) else None
     if fit is None:
         return None
     residual_px = sample.flow_px - sample.rigid_flow(K, fit.motion)
@@ -213,16 +232,19 @@ def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Fl
 
     Both are zero where a point lies behind the camera.
     """
-    residual, in_front = _residual_px(K, motion, sample)
     points1_m = sample.moved_points_m(K, motion)
+    residual, in_front = _residual_px(K, points1_m, sample)
     # A point in front of the camera keeps the Jacobian finite until it is multiplied by 0.
     points1_m[~in_front] = (0.0, 0.0, 1.0)
     return residual, sample.twist_jacobian(K, points1_m) * in_front[:, None, None]
 
 
-def _residual_px(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Float64, NDArray[np.bool_]]:
-    """Return the residual (n, 2), px, and where (n,) points lie in front of the camera; it is zero elsewhere."""
-    residual = sample.flow_px - sample.rigid_flow(K, motion)
+def _residual_px(K: Float64, points1_m: Float64, sample: FlowSample) -> tuple[Float64, NDArray[np.bool_]]:
+    """Return the residual (n, 2), px, of a sample whose points (n, 3) m have moved, and where (n,) they lie in front.
+
+    It is zero elsewhere.
+    """
+    residual = sample.flow_px - flow_to_points(K, points1_m, sample.columns, sample.rows, sample.lens)
     in_front = np.logical_and(*np.isfinite(residual).T)
     residual[~in_front] = 0.0
     return residual, in_front
@@ -342,7 +364,9 @@ def weigh_templates(
     rounding.
     """
     if twist_covariance is None or fit is None:
-        return _normal_equations(_residual_px(K, motion, sample)[0], templates, sample.sigma_px)
+        return _normal_equations(
+            _residual_px(K, sample.moved_points_m(K, motion), sample)[0], templates, sample.sigma_px
+        )
     residual, jacobian = _linearised(K, fit.motion, sample)
     residual = residual + jacobian @ fit.twist  # about the given motion: the prior's mean
     plain = _normal_equations(residual, templates, sample.sigma_px)
