@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.events.levels import LevelImages, LevelPairs, level_pairs
-from fedora_qa.estimators.images.channel_noise import channel_noise_variances
+from fedora_qa.estimators.images.channel_noise import channel_noise_variances, spread_patches
 from fedora_qa.estimators.images.event_colours import (
     ColourBlocks,
     ColourFit,
@@ -149,7 +149,7 @@ def _colour_sums(window: Window) -> ColourSums | None:
         rgb = turned_frame(window, window.rgb(int(frame)))
         count_codes(rgb, _SAMPLED_EVERY_PX, codes)
         prints = event_footprints(window, (rgb.shape[0], rgb.shape[1]))
-        of_channels_dn2 = channel_noise_variances(linear_dn[rgb])
+        of_channels_dn2 = channel_noise_variances(linear_dn[spread_patches(rgb)])
         of_rows, of_columns = ((axis.edge_aware.weights**2).sum(axis=1) for axis in (prints.rows, prints.columns))
         for at_frame, rgb_dn in zip((at_start, at_end), colours, strict=True):
             rgb_dn[at_frame] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_frame])

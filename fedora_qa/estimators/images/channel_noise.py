@@ -6,7 +6,7 @@ the covariance C of a fine-scale response, the part of channel k that no linear 
 the variance 1 / (C^-1)_kk.
 """
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,31 +23,38 @@ _PATCHES: Final = 8
 """Patches along each axis of a frame, at most: their median has an error of about 1%."""
 
 
-def channel_noise_variances(channels: Float64) -> Float64:
-    """Return an upper bound of the variances of white noise that is independent in each channel of a frame.
-
-    The response is the difference of two discrete Laplacians, which is zero for any image that bends along one axis
-    only. The variance that its other channels do not explain is estimated in patches that are spread evenly; the median
-    over patches leaves out those in which several colours meet.
-
-    Parameters
-    ----------
-    channels
-        (h, w, c), of any unit.
-
-    Returns
-    -------
-    ndarray of float64
-        (c,) in the square of that unit; 0 where the frame is smaller than a patch.
-    """
-    height, width, count = channels.shape
+def spread_patches(image: NDArray[Any]) -> NDArray[Any]:
+    """Return patches (n, s, s, c) that are spread evenly over an image (h, w, c); none where it is smaller than one."""
+    height, width, count = image.shape
     if min(height, width) < PATCH_PX:
-        return np.zeros(count)
+        return np.empty((0, PATCH_PX, PATCH_PX, count), image.dtype)
     tops, lefts = (
         np.unique(np.linspace(0, size - PATCH_PX, min(_PATCHES, size // PATCH_PX)).astype(int))
         for size in (height, width)
     )
-    patches = np.array([channels[top : top + PATCH_PX, left : left + PATCH_PX] for top in tops for left in lefts])
+    return np.array([image[top : top + PATCH_PX, left : left + PATCH_PX] for top in tops for left in lefts])
+
+
+def channel_noise_variances(patches: Float64) -> Float64:
+    """Return an upper bound of the variances of white noise that is independent in each channel of an image.
+
+    The response is the difference of two discrete Laplacians, which is zero for any image that bends along one axis
+    only. The variance that its other channels do not explain is estimated in each patch; the median over patches leaves
+    out those in which several colours meet.
+
+    Parameters
+    ----------
+    patches
+        (n, s, s, c), of any unit.
+
+    Returns
+    -------
+    ndarray of float64
+        (c,) in the square of that unit; 0 without patches.
+    """
+    count = patches.shape[-1]
+    if not len(patches):
+        return np.zeros(count)
     bends = patches
     for axis in (1, 2):  # second differences along both axes: 1, -2, 1 and its transpose
         bends = np.diff(bends, n=2, axis=axis)
