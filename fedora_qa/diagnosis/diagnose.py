@@ -34,6 +34,7 @@ from fedora_qa.diagnosis.conclusion import (
 from fedora_qa.diagnosis.direct import CHECKS_OF_CLOCKS, check_of_code, clears_by_construction, is_direct
 from fedora_qa.diagnosis.filtered_noise import noise_taken
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
+from fedora_qa.diagnosis.image_parts import part_of_images
 from fedora_qa.diagnosis.joined_findings import are_of_two_bodies, joined_hypotheses
 from fedora_qa.diagnosis.measured_sizes import (
     Results,
@@ -46,6 +47,7 @@ from fedora_qa.diagnosis.vetoes import (
     contradicts,
     disturbs_too_few,
     is_flow_of_a_part,
+    no_pose_repeats,
     stand_still,
 )
 from fedora_qa.faults.fault import ReversibleFault, is_of_part
@@ -63,6 +65,12 @@ _LABEL: Final = "metadata.units.label"
 
 _OF_CLOCKS: Final = frozenset({"time_offset", "clock_rate"})
 """Causes by which a clock leaves the grid of the others."""
+
+_OF_ROWS: Final = frozenset({"time_offset", "clock_rate", "swapped_frames"})
+"""Causes that move or exchange whole images: none holds in a part of the image."""
+
+_OF_TIMESTAMPS: Final = ("clocks.", "index_maps.", "flow_geometry.interval_timestamps.")
+"""Beginnings of the codes of findings about timestamps, whatever the images hold."""
 
 _OF_CONSERVATION: Final = "event_response.conservation"
 _OF_TIMING: Final = "event_response.timing"
@@ -99,6 +107,8 @@ def rank_candidates(
     """
     excluded = COMPARED_BY_FLOW if is_flow_of_a_part(alarms) else frozenset()
     never = {("swapped_frames", "rgb")} if stand_still(alarms) else set()
+    if no_pose_repeats(alarms, results):
+        never.add(("frozen_frames", "pose"))
     by_finding = {alarm.finding.id: alarm for alarm in alarms}
     taken = noise_taken(alarms, results)
     other_order = support("images.colours_nearer_to_other_order") if is_nearer_to_other_order(results) else 0.0
@@ -127,11 +137,13 @@ def rank_candidates(
         for finding, alarm in by_finding.items():
             if check_of_code(alarm.finding.code) in explained:
                 large_enough[finding] = [*large_enough.get(finding, ()), interpolated]
+    codes = {finding: alarm.finding.code for finding, alarm in by_finding.items()}
     candidates = [
         candidate
         for candidate in gather_candidates(large_enough, _weights(alarms))
         if stream_family(candidate.stream) not in excluded
         and candidate.key not in never
+        and not _is_beside_a_part(candidate, codes, alarms)
         # Neither the grid of the timestamps nor straight lines state what a filter or a smooth curve does to values. A
         # label that is wrong is beside values that are in order.
         and (
@@ -148,6 +160,13 @@ def rank_candidates(
         )
     ]
     return sorted(candidates, key=lambda candidate: -candidate.total_support)
+
+
+def _is_beside_a_part(candidate: CauseCandidate, codes: Mapping[str, str], alarms: Sequence[Alarm]) -> bool:
+    """Whether a cause moves whole images of flow or depth, which agree but for a part, and no timestamp shows it."""
+    if candidate.cause not in _OF_ROWS or part_of_images(alarms, candidate.stream) is None:
+        return False
+    return not any(codes[finding].startswith(_OF_TIMESTAMPS) for finding in candidate.evidence)
 
 
 def choose_causes(

@@ -91,6 +91,9 @@ def _delayed_frames(fit: FittedCause) -> Faults:
     frames = round(fit.size / period_ms)
     if frames and isclose(frames * period_ms, fit.size, rel_tol=_WHOLE_FRAMES):
         for part in parts:
+            if frames < 0 and part[1] is None:
+                # Frames were lost before the part, and the timestamps of those that follow are too early.
+                yield clocks.ClockShift(fit.stream, frames * period_ms * NS_PER_MS, part)
             yield row_order.DelayedFrames(frames, frames * period_ms, part, fit.stream)
 
 

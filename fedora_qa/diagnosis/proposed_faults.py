@@ -58,7 +58,7 @@ from fedora_qa.faults import (
     row_order,
     units,
 )
-from fedora_qa.faults.fault import value_keys
+from fedora_qa.faults.fault import ReversibleFault, value_keys
 from fedora_qa.faults.image_part import ImagePart, PixelRegion
 from fedora_qa.faults.table import faults_of
 from fedora_qa.judgement.judge import Alarm
@@ -115,16 +115,26 @@ def faults_for(
         fit = FittedCause(cause, stream, size, alarms, results, facts)
         part = part_of_images(alarms, stream) if cause in _OF_PIXELS else None
         for fault in _PROPOSALS[cause](fit):
-            if part is not None and isinstance(fault, pixels.PixelShift) and _empties(fault, part):
+            if part is not None and _empties(fault, part, facts):
                 continue
             # What lies beside the part agrees: a fault of the whole image is ruled out.
             yield fault if part is None else ImagePart(fault, part)
 
 
-def _empties(shift: pixels.PixelShift, part: PixelRegion) -> bool:
-    """Whether a shift within a part of the image leaves less than half of it: findings vanish with its pixels."""
+def _empties(fault: ReversibleFault, part: PixelRegion, facts: Facts) -> bool:
+    """Whether undoing a fault within a part of the image leaves less than half of it: findings vanish with its pixels.
+
+    Mirroring about the middle of the image is mirroring about the middle of the part, and a shift by the rest.
+    """
     left, top, right, bottom = part
-    return 2 * abs(shift.columns_px) > right - left or 2 * abs(shift.rows_px) > bottom - top
+    columns_px, rows_px = 0.0, 0.0
+    if isinstance(fault, pixels.PixelShift):
+        columns_px, rows_px = fault.columns_px, fault.rows_px
+    elif isinstance(fault, pixels.Mirroring):
+        height, width = facts.layout.bindings[value_keys(facts, fault.stream)[0]].shape[1:3]
+        columns_px = 0 if fault.direction == "vertical" else width - (left + right)
+        rows_px = 0 if fault.direction == "horizontal" else height - (top + bottom)
+    return 2 * abs(columns_px) > right - left or 2 * abs(rows_px) > bottom - top
 
 
 _WHOLE_PX: Final = 0.1

@@ -10,6 +10,7 @@ import numpy as np
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.event_response.conservation import Violations
 from fedora_qa.checks.images.order import ALLOWED, OutOfOrderIntervals
+from fedora_qa.checks.pose.continuity import PoseJump
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.clock_grids import ClockPlace
 from fedora_qa.diagnosis.hypothesis import Hypothesis
@@ -339,6 +340,23 @@ def stand_still(alarms: Sequence[Alarm]) -> bool:
     ratios = [ratio for feature in intervals for ratio in feature.relative_ratios]
     stopped = sum(abs(ratio) < ALLOWED for ratio in ratios)
     return stopped >= _SEVERAL and not any(ratio < -ALLOWED for ratio in ratios)
+
+
+def no_pose_repeats(alarms: Sequence[Alarm], results: Results) -> bool:
+    """Whether no pose repeats the one before, and positions or orientations alone do not at a jump either.
+
+    Repeats are counted bit by bit. A jump without them is none of a stream that stands still and goes on later.
+
+    Parameters
+    ----------
+    alarms
+        Of the file, with the jumps of ``pose.continuity``.
+    results
+        Of the file, by check.
+    """
+    repeats = measured(results.get("pose.continuity"), "frozen")
+    jumps = [f for alarm in alarms for f in alarm.statistic.features if isinstance(f, PoseJump)]
+    return repeats is not None and repeats.value == 0 and not any(jump.beside_repeated_samples for jump in jumps)
 
 
 def _contradicts_arm(family: str, magnitude_m: float | None, results: Results) -> bool:

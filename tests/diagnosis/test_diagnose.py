@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
+from fedora_qa.checks.flow_geometry.endpoint import FieldsOff
 from fedora_qa.checks.images.order import OutOfOrderIntervals
+from fedora_qa.checks.pose.continuity import PoseJump
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.candidates import CauseCandidate
 from fedora_qa.diagnosis.clock_grids import ClockPlace
@@ -697,3 +699,29 @@ def test_frames_that_stand_still_are_not_exchanged() -> None:
         intervals = OutOfOrderIntervals(ratios, None, False)
         statistic = replace(explained[0].statistic, features=(intervals,))
         assert diagnosed([(Alarm(explained[0].finding, statistic), explained[1])])[0].cause == first
+
+
+@pytest.mark.parametrize(("repeats", "beside", "cause"), [(0, False, "teleport"), (0, True, "frozen_frames"),
+                                                          (2, False, "frozen_frames")])  # fmt: skip
+def test_a_pose_that_never_repeats_is_not_frozen(repeats: int, beside: bool, cause: str) -> None:
+    """Repeats are counted bit by bit, of poses and, at a jump, of positions alone."""
+    counted = Measurement("frozen", repeats, "poses", 0.0, 0.0, 0.0, 1.0)
+    results = {"pose.continuity": Result("pose.continuity", "failed", "", measurements=(counted,))}
+    still, moved = Hypothesis("frozen_frames", "pose", 0.9), Hypothesis("teleport", "pose", 0.8)
+    shown, hypotheses = alarm(1, still, moved, code="pose.continuity.position", stream="pose")
+    jump = replace(shown.statistic, features=(PoseJump(beside),))
+    assert diagnosed([(Alarm(shown.finding, jump), hypotheses)], results=results)[0].cause == cause
+
+
+@pytest.mark.parametrize("part", [None, (45, 35, 135, 102)])
+@pytest.mark.parametrize("cause", ["time_offset", "swapped_frames"])
+def test_whole_images_are_not_moved_where_a_part_deviates(cause: str, part: tuple[int, int, int, int] | None) -> None:
+    """A clock has no part of the image; beside a finding of timestamps it is still the cause."""
+    rate = "flow/50hz"
+    moved, shifted = Hypothesis(cause, "flow", 0.95), Hypothesis("flow_interval_shifted", "flow", 0.9)
+    shown, hypotheses = alarm(1, moved, shifted, code="flow_geometry.endpoint.error", stream=rate)
+    of_part = replace(shown.statistic, features=(FieldsOff(5, 0.2, part is not None, 0, 0, part, 0, 80),))
+    explained = [(Alarm(shown.finding, of_part), hypotheses)]
+    assert diagnosed(explained)[0].cause == (cause if part is None else "flow_interval_shifted")
+    stamped = alarm(2, moved, code="flow_geometry.interval_timestamps.start", stream=rate)
+    assert diagnosed([*explained, stamped])[0].cause == cause

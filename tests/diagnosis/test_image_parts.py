@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from fedora_qa.checks.flow_geometry.endpoint import FieldsOff
 from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
@@ -21,7 +22,10 @@ FAST, SLOW = "flow/50hz", "flow/10hz"
 FACTS: Any = SimpleNamespace(
     clocks={FAST: SimpleNamespace(times_ns=20 * np.arange(25)), SLOW: SimpleNamespace(times_ns=100 * np.arange(5))},
     flow_streams=(SLOW, FAST),
-    layout=SimpleNamespace(bindings={}),
+    streams=frozenset({SLOW, FAST}),
+    layout=SimpleNamespace(
+        bindings={f"path/{rate}": SimpleNamespace(shape=(5, 137, 180, 2)) for rate in ("flow/50hz", "flow/10hz")}
+    ),
 )
 
 
@@ -47,6 +51,15 @@ def test_the_rectangle_holds_all_that_deviates() -> None:
     assert part_of_images([*alarms, alarm(FAST, values)], "depth") == (45, 34, 135, 102)
     faults = list(faults_for("mirrored", "flow", None, alarms, {}, FACTS))
     assert faults[0] == ImagePart(Mirroring("flow", "horizontal"), (45, 35, 135, 102))
+
+
+@pytest.mark.parametrize(("left", "directions"), [(45, ["horizontal", "vertical", "both"]), (91, ["vertical"])])
+def test_a_part_is_mirrored_only_where_it_holds_its_mirror_image(left: int, directions: list[str]) -> None:
+    """Mirrored about the middle of the image, a part beside it becomes NaN, and findings vanish with its pixels."""
+    part = (left, 20, left + 80, 117)
+    faults = list(faults_for("mirrored", "flow", None, [alarm(FAST, fields_off(25, part))], {}, FACTS))
+    of_part = [fault.fault for fault in faults if isinstance(fault, ImagePart)]
+    assert [fault.direction for fault in of_part if isinstance(fault, Mirroring)] == directions
 
 
 def test_a_rate_that_deviates_as_a_whole_has_no_rectangle() -> None:

@@ -147,8 +147,11 @@ def test_a_fault_of_depth_is_undone_between_the_pairs_that_deviate(
     of_part = [part] if part else []
     assert undone("depth_ray_not_z", None) == [RayLength(1.0, rows) for rows in of_part]
     assert undone("unit_mm_m", 1000.0) == [LengthUnit("depth", 1000.0, rows) for rows in of_part]
+    # Frames that were lost before the part leave the timestamps of all that follow too early.
+    lost = [ClockShift("depth", -2 * period_ms * NS_PER_MS, rows) for rows in of_part if rows[1] is None]
     delayed = [DelayedFrames(-2, -2 * period_ms, rows) for rows in of_part]
-    assert undone("time_offset", -2.01 * period_ms) == delayed
+    assert undone("time_offset", -2.01 * period_ms) == [*lost, *delayed]
+    assert undone("time_offset", 2.0 * period_ms) == [DelayedFrames(2, 2 * period_ms, rows) for rows in of_part]
     assert not undone("time_offset", -1.5 * period_ms)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.catalogue import hypotheses_of
-from fedora_qa.checks.protocol import Check
+from fedora_qa.checks.protocol import Check, Statistic
 from fedora_qa.diagnosis.candidates import CauseCandidate
 from fedora_qa.diagnosis.clock_grids import ClockPlace, places_of_clocks
 from fedora_qa.diagnosis.conclusion import UndoTrial
@@ -28,13 +28,14 @@ from fedora_qa.engine.survey import Survey, opened, survey_of
 from fedora_qa.engine.tasks import check_file, measure_open
 from fedora_qa.engine.trials.altered import PlainRun
 from fedora_qa.engine.trials.inquiry import run_trials
-from fedora_qa.engine.trials.trial import TrialBench
+from fedora_qa.engine.trials.trial import TrialBench, place_ns
 from fedora_qa.engine.trials.views import SequenceViews
 from fedora_qa.faults.clocks import ClockShift
 from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.pixels import Mirroring
 from fedora_qa.faults.units import LengthUnit
 from fedora_qa.judgement.judge import Alarm, judge
+from fedora_qa.record.types import Finding, Where
 from fedora_qa.record.wording import status_sentence
 from tests.support.all_checks import CHECKS
 from tests.support.planters import TIMES, bias_gyro, delay_events, flip_polarity, planted
@@ -220,3 +221,16 @@ def test_work_is_bounded_by_the_run_or_a_short_one(small_park_day: Path, tmp_pat
         assert worse is not None
         assert not worse.cleared
         assert min(worse.left.values()) > 1.5
+
+
+def test_windows_lie_where_values_deviate() -> None:
+    """Behind the end of a stream nothing is compared: no fault clears anything in windows there."""
+
+    def alarm(code: str, start_us: float) -> Alarm:
+        where = Where(stream="depth", start_us=start_us, stop_us=start_us + 2)
+        return Alarm(Finding("F1", code, "error", "off", where), Statistic("toy", 1.0, "1", 0.0, "off", code, where))
+
+    run: Any = SimpleNamespace(ready=SimpleNamespace(facts=SimpleNamespace(from_file_us=lambda us: int(1000 * us))))
+    end, pair = alarm("clocks.span.ends_early", 900.0), alarm("depth.consistency.frame", 300.0)
+    assert place_ns([end, pair], run) == 301_000
+    assert place_ns([end], run) == 901_000

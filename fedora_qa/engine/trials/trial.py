@@ -57,6 +57,9 @@ _FEWEST_WINDOWS: Final = 16
 """Windows of a short sequence for which trials may work as long as the run of so many would take. The value is not
 derived: of 8 windows a fault that is shown by 4 of them takes a quarter of the work, and the cause may be the fifth."""
 
+_OF_ENDS: Final = "clocks.span."
+"""Beginning of the codes of findings about the first and last timestamps of streams."""
+
 _SHARE_OF_A_FAULT: Final = 0.5
 """Most of the work that is left which further windows of one fault may take."""
 
@@ -298,7 +301,7 @@ class TrialBench:
         """Return windows of an altered sequence, whose timestamps may fall into others: all where all are measured."""
         planned = self.run.planned(prepared)
         whole = count >= len(self.run.planned(self.run.ready))
-        return planned if whole else around(planned, _place_ns(self.alarms, self.run), count)
+        return planned if whole else around(planned, place_ns(self.alarms, self.run), count)
 
     def _compared(self, fault: ReversibleFault, undoing: Fault, altered: WindowPass, count: int) -> UndoTrial:
         """Hold what was measured with a fault undone against the same windows without it undone."""
@@ -386,7 +389,7 @@ class TrialBench:
             observations = self.run.observations
             if count < len(planned):
                 checks = [check for check in self.checks if check.name in failed]
-                spans = around(planned, _place_ns(self.alarms, self.run), count)
+                spans = around(planned, place_ns(self.alarms, self.run), count)
                 self._plain_pass = self._judged(checks, spans, self.run.ready, self._plain_pass)
                 results, observations = results_by_check(self._plain_pass.judged), self._plain_pass.observations
             self._plain_observations[count] = observations
@@ -418,10 +421,13 @@ def _families_read_with(fault: ReversibleFault) -> Set[str] | None:
     return None if camera is None else {camera, "flow"} if camera == "depth" else {camera}
 
 
-def _place_ns(alarms: Sequence[Alarm], run: PlainRun) -> int:
-    """Return the middle of the first finding that has a time; the middle of the file where none has."""
+def place_ns(alarms: Sequence[Alarm], run: PlainRun) -> int:
+    """Return the middle of the first finding that has a time; the middle of the file where none has.
+
+    Where a stream begins or ends it has no values that deviate: such findings are last.
+    """
     facts = run.ready.facts
-    for alarm in alarms:
+    for alarm in sorted(alarms, key=lambda each: each.finding.code.startswith(_OF_ENDS)):
         where = alarm.finding.where
         if where.start_us is not None and where.stop_us is not None:
             return facts.from_file_us((where.start_us + where.stop_us) / 2)
