@@ -89,11 +89,11 @@ def flow_conflicts(flow_px: Float32) -> NDArray[np.uint8]:
 
 def flow_breaks(flow_px: Float32) -> NDArray[np.uint8]:
     """Return where a flow (H, W, 2), px, breaks: (H, W), 1 also at missing values, beside them and at the border."""
-    return mark_breaks(np.ascontiguousarray(flow_px).reshape(len(flow_px), -1), np.float32(BREAK_PX))
+    return _mark_breaks(np.ascontiguousarray(flow_px).reshape(len(flow_px), -1), np.float32(BREAK_PX))
 
 
 @njit(cache=True)
-def mark_breaks(lines: Float32, largest_bend_px: np.float32) -> NDArray[np.uint8]:
+def _mark_breaks(lines: Float32, largest_bend_px: np.float32) -> NDArray[np.uint8]:
     """Return where a flow has a larger Laplacian, as ``flow_breaks``; its rows (H, 2 W) hold u and v in turn, px."""
     height, width = len(lines), lines.shape[1] // 2
     marked = np.ones((height, width), np.uint8)

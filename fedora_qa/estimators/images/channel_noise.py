@@ -11,10 +11,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+from fedora_qa.estimators.images.samples import WHITE_NOISE_GAIN
 
-_WHITE_NOISE_GAIN: Final = 36.0
-"""Sum of the squared weights 1, -2, 1, -2, 4, -2, 1, -2, 1 of the difference of two Laplacians (J. Immerkaer 1996)."""
+Float64 = NDArray[np.float64]
 
 PATCH_PX: Final = 18
 """Side of a patch: 256 responses estimate a variance to 9%, and few patches have several textures."""
@@ -64,4 +63,4 @@ def channel_noise_variances(patches: Float64) -> Float64:
     ridge = 1e-12 * (1.0 + np.trace(covariances, axis1=1, axis2=2))
     inverses = np.linalg.inv(covariances + ridge[:, np.newaxis, np.newaxis] * np.eye(count))
     unshared = 1.0 / np.diagonal(inverses, axis1=1, axis2=2)
-    return np.asarray(np.median(unshared, axis=0) / _WHITE_NOISE_GAIN)
+    return np.asarray(np.median(unshared, axis=0) / WHITE_NOISE_GAIN)

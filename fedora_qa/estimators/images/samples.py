@@ -22,8 +22,8 @@ _DENSER: Final = 4
 Whole rows are smoothed, which takes more time than their points. Points two pixels apart or more still differ.
 """
 
-_WHITE_NOISE_GAIN: Final = 36.0
-"""Sum of the squares of the weights of the operator, (1, -2, 1) by (1, -2, 1)."""
+WHITE_NOISE_GAIN: Final = 36.0
+"""Sum of the squares of the weights of the difference of two Laplacians, (1, -2, 1) by (1, -2, 1) (Immerkaer 1996)."""
 
 _GAUSSIAN = np.exp(-0.5 * np.arange(-_REACH + 1, _REACH) ** 2)
 _GAUSSIAN = np.pad(_GAUSSIAN / _GAUSSIAN.sum(), 2)
@@ -221,7 +221,7 @@ def noise_variances(patches: Float32) -> Float64:
     J. Immerkaer, Fast Noise Variance Estimation, Comput. Vis. Image Underst. 64 (1996) 300.
     """
     mean_responses = _mean_responses(patches)
-    variances: Float64 = np.pi / 2 * mean_responses**2 / _WHITE_NOISE_GAIN  # Immerkaer's sqrt(pi / 2) mean / 6, squared
+    variances: Float64 = np.pi / 2 * mean_responses**2 / WHITE_NOISE_GAIN  # Immerkaer's sqrt(pi / 2) mean / 6, squared
     return variances
 
 
