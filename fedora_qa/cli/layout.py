@@ -121,7 +121,8 @@ def _describe_file(
         if not draft_name and len(several) > 1:
             named = ", ".join(map(str, several))
             raise MisuseError(f"Expected one sequence, got {file}, which holds {len(several)}: name one of {named}")
-        matched = None if len(several) > 1 else matched_folder(file, split_choice(dialect)[0])
+        sequence = several[0] if several else file
+        matched = None if len(several) > 1 else matched_folder(sequence, split_choice(dialect)[0])
         if matched is None:
             files = tuple(each.name for each in list_files(file))
             absent = tuple(unrecognised(str(file)).absent.items())

@@ -2,12 +2,12 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Final
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.storage.folder import is_folder, list_files, require_readable
+from fedora_qa.storage.folder import is_folder, list_files, part_folders, require_readable
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.server import list_objects
 from fedora_qa.storage.signature import require_signature
@@ -28,7 +28,8 @@ def sequences_of(places: Sequence[Place], choice: "DialectChoice") -> tuple[Plac
     """Return the sequences that arguments name.
 
     A folder that fits a dialect with files is one sequence. Where its files are those of several, each is meant, as
-    ``FOLDER/NAME``, which names one of them as an argument as well. Of another folder, every sequence below it is
+    ``FOLDER/NAME``, which names one of them as an argument as well; so is a sequence that is divided among folders
+    ``FOLDER/*/NAME``. Of another folder, every sequence below it is
     meant: files of HDF5, and folders that fit; of a prefix of an object store, every HDF5 file. A folder without any
     is returned as it is, so that its record states that no dialect fits.
 
@@ -121,6 +122,8 @@ def _in_folder(folder: Path, choice: "DialectChoice") -> list[Path]:
         if not below and not list_files(folder):
             raise MisuseError(f"Expected a sequence, or a folder of sequences, got a folder without files: {folder}")
         return below or [folder]
+    if part_folders(sequences[0]):
+        return [*sequences, *_undivided(folder, below, sequences)]
     if within:
         dialect_name = matched.dialect.name if (matched := matched_folder(sequences[0], dialect)) else ""
         held = "is one" if sequences == [folder] else "holds several"
@@ -158,6 +161,16 @@ def _below(folder: Path, dialect: "Dialect | None", levels: int) -> Iterator[Pat
                     raise
                 yield from deeper
             else:
-                yield from sequences or _below(path, dialect, levels - 1)
+                yield from sequences
+                if not sequences:
+                    yield from _below(path, dialect, levels - 1)
+                elif part_folders(sequences[0]):
+                    yield from _undivided(path, _below(path, dialect, levels - 1), sequences)
         elif path.suffix.lower() in HDF5_SUFFIXES and entry.is_file() and not (dialect and dialect.files):
             yield path
+
+
+def _undivided(folder: Path, below: Iterable[Path], divided: Sequence[Path]) -> Iterator[Path]:
+    """Yield the sequences below a folder that are no part of those which are divided among ``FOLDER/*/NAME``."""
+    names = {sequence.name for sequence in divided}
+    return (path for path in below if names.isdisjoint(path.relative_to(folder).parts[1:2]))

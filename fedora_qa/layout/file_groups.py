@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from fedora_qa.layout.dialect import FORMS, Form
-from fedora_qa.storage.folder import list_files
+from fedora_qa.storage.folder import levels_above_files, list_files, root_of
 
 MOST_SINGLE: Final = 4
 """Files, or arrays of an NPZ, of one form of name that stand by themselves; more are rows of one dataset."""
@@ -38,6 +38,7 @@ class FileGroup:
 
 def file_groups(folder: Path) -> dict[str, FileGroup]:
     """Return the files below a folder in formats that are read, by role."""
+    root, levels_above = root_of(folder), levels_above_files(folder)
     of_folders: dict[tuple[str, str], list[str]] = {}
     for file in list_files(folder):
         inside, _, name = file.name.rpartition("/")
@@ -45,7 +46,8 @@ def file_groups(folder: Path) -> dict[str, FileGroup]:
         if suffix.lower() in FORMS:
             of_folders.setdefault((inside, suffix), []).append(name)
     groups: dict[str, FileGroup] = {}
-    for (inside, suffix), names in of_folders.items():
+    for (below_root, suffix), names in of_folders.items():
+        inside = "/".join(below_root.split("/")[levels_above:])
         by_form = by_form_of_name(name.removesuffix(suffix) for name in names)
         form = FORMS[suffix.lower()]
         if form == "images" and all(len(stems) == 1 for stems in by_form.values()):
@@ -64,7 +66,7 @@ def file_groups(folder: Path) -> dict[str, FileGroup]:
                 role = role if role not in groups else f"{role}_{suffix[1:].lower()}"
                 role = role if role not in groups else f"{role}_{len(groups)}"
                 name = f"{pattern if together else members[0]}{suffix}"
-                paths = tuple(folder / inside / f"{stem}{suffix}" for stem in members)
+                paths = tuple(root / below_root / f"{stem}{suffix}" for stem in members)
                 groups[role] = FileGroup(role, f"{inside}/{name}" if inside else name, paths)
     return groups
 

@@ -16,7 +16,7 @@ from fedora_qa.sources.arrays import arrays_of
 from fedora_qa.sources.images import images_of, numbers_of
 from fedora_qa.sources.source import OutsideRows
 from fedora_qa.sources.text import number_table
-from fedora_qa.storage.folder import DOCUMENTS, FolderFile, list_files, root_of
+from fedora_qa.storage.folder import DOCUMENTS, FolderFile, divided_names, levels_above_files, list_files, root_of
 from fedora_qa.storage.signature import require_signature
 
 _SHOWN: Final = 2
@@ -136,9 +136,10 @@ def match_folder(folder: Path, dialect: Dialect, *, is_named: bool = True) -> Ma
 def _match_files(folder: Path, listed: Sequence[FolderFile], dialect: Dialect, *, is_named: bool) -> MatchedFolder:
     """Return a folder of listed files as ``match_folder``: for several dialects it is listed once."""
     root = root_of(folder)
-    by_folder = _names_by_folder(listed if root == folder else list_files(root))
+    levels_above = levels_above_files(folder)
+    by_folder = _names_by_folder(listed if root == folder or levels_above else list_files(root))
     others: set[str] = set()
-    if root != folder:
+    if root != folder and not levels_above:
         together = _side_by_side(by_folder, dialect)
         if folder.name not in together:
             raise MisuseError(
@@ -147,7 +148,7 @@ def _match_files(folder: Path, listed: Sequence[FolderFile], dialect: Dialect, *
             )
         by_folder = together.pop(folder.name)
         others = {place for names in together.values() for place in _places(names)}
-    files, problems = _files_of_roles(root, by_folder, dialect)
+    files, problems = _files_of_roles(root, by_folder, dialect, levels_above)
     if problems:
         raise MisuseError(problems[0])
     used = {place for files_of_role in files.values() for place in files_of_role.places(root)} | others
@@ -220,14 +221,20 @@ def _names_by_folder(files: Sequence[FolderFile]) -> dict[str, list[str]]:
 
 
 def _files_of_roles(
-    folder: Path, by_folder: Mapping[str, list[str]], dialect: Dialect
+    folder: Path, by_folder: Mapping[str, list[str]], dialect: Dialect, levels_above: int = 0
 ) -> tuple[dict[str, RoleFiles], list[str]]:
-    """Return the files of each role, and why the folder does not fit the dialect, in sentences."""
+    """Return the files of each role, and why the folder does not fit the dialect, in sentences.
+
+    Parameters
+    ----------
+    levels_above
+        Folders above the files, in which the patterns of the dialect do not begin.
+    """
     files: dict[str, RoleFiles] = {}
     problems: list[str] = []
     for role, patterns in dialect.files.items():
         pattern, fitting = next(
-            ((pattern, fits) for pattern in patterns if (fits := _fitting(by_folder, pattern))), ("", {})
+            ((pattern, fits) for pattern in patterns if (fits := _fitting(by_folder, pattern, levels_above))), ("", {})
         )
         several = form_of(patterns[0]) in {"images", "array"}
         relative = [f"{inside}/{name}" if inside else name for inside, names in fitting.items() for name in names]
@@ -273,12 +280,12 @@ def misfit(folder: Path) -> str:
     return max(sentences, key=lambda sentence: sentences[sentence], default="")
 
 
-def _fitting(by_folder: Mapping[str, list[str]], pattern: str) -> dict[str, list[str]]:
+def _fitting(by_folder: Mapping[str, list[str]], pattern: str, levels_above: int = 0) -> dict[str, list[str]]:
     """Return the names that fit a pattern, by folder: part by part, so that ``*`` does not stand for a slash."""
     *parts, last = pattern.split("/")
     fitting: dict[str, list[str]] = {}
     for inside, names in by_folder.items():
-        folders = inside.split("/") if inside else []
+        folders = inside.split("/")[levels_above:] if inside else []
         if len(folders) == len(parts) and all(map(fnmatchcase, folders, parts)):
             fits = [name for name in names if fnmatchcase(name, last)]
             if fits:
@@ -320,10 +327,15 @@ def matched_folder(folder: Path, dialect: Dialect | None) -> MatchedFolder | Non
     MisuseError
         It does not fit the dialect that was named; or it cannot be listed.
     """
-    if root_of(folder) == folder:
+    is_divided = levels_above_files(folder) > 0
+    if root_of(folder) == folder or is_divided:
         if dialect is None:
-            return recognise_folder(folder)
-        return match_folder(folder, dialect) if dialect.files else None
+            matched = recognise_folder(folder)
+        else:
+            matched = match_folder(folder, dialect) if dialect.files else None
+        if matched is None and is_divided:
+            raise MisuseError(f"Expected a file or a folder, got a path that does not exist: {folder}")
+        return matched
     is_named = dialect is not None
     # Its neighbours decide with it, so that all sequences of a folder are read in one dialect.
     dialect = dialect if dialect and dialect.files else _dialect_of_several(folder.parent, dialect)
@@ -341,9 +353,11 @@ def is_sequence(folder: Path, dialect: Dialect | None) -> bool:
 
 
 def sequences_in(folder: Path, dialect: Dialect | None) -> tuple[Path, ...]:
-    """Return the sequence that a folder is, or ``FOLDER/NAME`` of each of several whose files lie in it side by side.
+    """Return the sequence that a folder is, or ``FOLDER/NAME`` of each of several that lie in it.
 
-    It is empty where the folder does not fit the dialect, or, where that is None, none of the package.
+    These are sequences whose roles are divided among folders ``FOLDER/*/NAME``, or else sequences whose files lie in
+    the folder side by side. It is empty where the folder does not fit the dialect, or, where that is None, none of the
+    package.
 
     Raises
     ------
@@ -352,12 +366,24 @@ def sequences_in(folder: Path, dialect: Dialect | None) -> tuple[Path, ...]:
     """
     if is_sequence(folder, dialect):
         return (folder,)
+    if divided := tuple(folder / name for name in divided_names(folder) if _is_divided(folder / name, dialect)):
+        return divided
     several = _dialect_of_several(folder, dialect)
     if several is None:
         return ()
     if not (together := _side_by_side(_names_by_folder(list_files(folder)), several)):
         match_folder(folder, several)  # raises which role has two files
     return tuple(folder / name for name in sorted(together))
+
+
+def _is_divided(sequence: Path, dialect: Dialect | None) -> bool:
+    """Whether a sequence has roles in several of the folders of its name: one of them alone is less of a sequence."""
+    try:
+        matched = matched_folder(sequence, dialect)
+    except MisuseError:
+        return False
+    files = matched.files.values() if matched else ()
+    return len({each.folder.relative_to(sequence.parent).parts[0] for each in files}) > 1
 
 
 def _dialect_of_several(folder: Path, dialect: Dialect | None) -> Dialect | None:

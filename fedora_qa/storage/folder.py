@@ -3,11 +3,15 @@
 A folder may hold the files of several sequences side by side. ``FOLDER/NAME``, where no file has this name, stands for
 the sequence of those whose names have NAME as a word, such as ``NAME_data.h5``. The documents of the folder belong to
 each of them.
+
+A sequence may also be divided among folders: archives of events and of images, each unpacked into a folder of its own.
+``FOLDER/NAME`` then stands for all files below ``FOLDER/*/NAME``, of which there are at least two.
 """
 
 import hashlib
 import os
 import re
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -23,10 +27,64 @@ DEEPEST: Final = 8
 DOCUMENTS: Final = frozenset({".yaml", ".yml", ".toml", ".json"})
 """Endings of names of documents, such as a calibration, which several sequences may share."""
 
+_FEWEST_PARTS: Final = 2
+_MOST_PARTS: Final = 16
+"""Folders among which a divided sequence is divided. More folders of one name, such as ``images``, are those of as many
+sequences: a dialect seldom has more roles."""
+
+_LEVELS_ABOVE_A_PART: Final = 2
+"""Of ``FOLDER/*/NAME``: the folder of the part, and that of the sequence in it."""
+
 
 def is_folder(path: Path) -> bool:
-    """Whether a path is a folder, or stands for those of its files whose names have the last part of the path."""
-    return path.is_dir() or (path.parent.is_dir() and not os.path.lexists(path) and _has_names_of(path))
+    """Whether a path is a folder, or stands for files of its parent that are one sequence."""
+    if path.is_dir():
+        return True
+    return path.parent.is_dir() and not os.path.lexists(path) and (_has_names_of(path) or bool(part_folders(path)))
+
+
+def part_folders(path: Path) -> tuple[Path, ...]:
+    """Return the folders ``FOLDER/*/NAME`` for which ``FOLDER/NAME`` stands; none where it stands for other files."""
+    if os.path.lexists(path):
+        return ()
+    parts = tuple(part for part in _second_level(path.parent) if part.name == path.name)
+    return parts if _FEWEST_PARTS <= len(parts) <= _MOST_PARTS else ()
+
+
+def levels_above_files(folder: Path) -> int:
+    """Return how many folders in names of ``list_files`` lie above the layout of a sequence: two of a divided one."""
+    return _LEVELS_ABOVE_A_PART if part_folders(folder) else 0
+
+
+def divided_names(folder: Path) -> tuple[str, ...]:
+    """Return each NAME for which ``FOLDER/NAME`` stands for several folders ``FOLDER/*/NAME``."""
+    counts = Counter(part.name for part in _second_level(folder))
+    return tuple(
+        name
+        for name in sorted(counts)
+        if _FEWEST_PARTS <= counts[name] <= _MOST_PARTS and not os.path.lexists(folder / name)
+    )
+
+
+def _second_level(folder: Path) -> list[Path]:
+    """Return the folders in the folders of a folder, without links, hidden folders, and those that cannot be listed."""
+    below: list[Path] = []
+    try:
+        with os.scandir(folder) as entries:
+            first = sorted(entry.path for entry in entries if _is_plain_folder(entry))
+    except OSError:
+        return []  # opening it raises the reason
+    for path in first:
+        try:
+            with os.scandir(path) as entries:
+                below += sorted(Path(entry.path) for entry in entries if _is_plain_folder(entry))
+        except OSError:
+            continue
+    return below
+
+
+def _is_plain_folder(entry: "os.DirEntry[str]") -> bool:
+    return not entry.name.startswith(".") and entry.name.isprintable() and entry.is_dir(follow_symlinks=False)
 
 
 def root_of(path: Path) -> Path:
@@ -68,13 +126,20 @@ def list_files(folder: Path) -> tuple[FolderFile, ...]:
     MisuseError
         There is no such folder, it may not be read, or it holds more than ``MOST_FILES``.
     """
+    if parts := part_folders(folder):
+        files = [
+            FolderFile((part.relative_to(folder.parent) / file.name).as_posix(), file.size, file.changed_ns)
+            for part in parts
+            for file in list_files(part)
+        ]
+        return tuple(sorted(files, key=lambda file: file.name))
     if not folder.is_dir() and is_folder(folder):
         return tuple(
             file
             for file in list_files(folder.parent)
             if _is_of(folder.name, file.name) or PurePosixPath(file.name).suffix.lower() in DOCUMENTS
         )
-    files: list[FolderFile] = []
+    files = []
     root = Path(os.path.realpath(folder))
     waiting = [("", 0)]
     try:

@@ -414,6 +414,52 @@ def test_commands_take_a_sequence_beside_others(fedora_qa: Command, flat: Path, 
     assert exported.code == 0, exported.err
 
 
+@pytest.fixture
+def divided(dsec: Path, tmp_path: Path) -> Path:
+    """Return a folder with the events of a sequence in one folder and each other stream of it in another."""
+    folder = tmp_path / "release/train"
+    for part in sorted(dsec.iterdir()):
+        (folder / f"train_{part.name}").mkdir(parents=True)
+        shutil.copytree(part, folder / f"train_{part.name}/thun_00_a/{part.name}")
+    return folder
+
+
+def test_a_divided_sequence_is_read_whole(fedora_qa: Command, dsec: Path, divided: Path, tmp_path: Path) -> None:
+    """From above, in it, and by its name: all measurements are those of the folder in one piece."""
+    records = []
+    shutil.copytree(divided / "train_events/thun_00_a", divided / "train_events/thun_01_a")
+    for number, arguments in enumerate(((dsec,), (divided.parent,), (divided,), (divided / "thun_00_a",))):
+        path = tmp_path / f"{number}.json"
+        done = fedora_qa("check", *arguments, *LAYOUT, "--select", "clocks", "--select", "index_maps", "--json", path)
+        assert done.code in {0, 3}, done.out + done.err
+        records.append(read_record(path).files)
+    whole, *others = records
+    for files in others:
+        assert files[0].path == str(divided / "thun_00_a")
+        assert files[0].results == whole[0].results
+        assert files[0].size == whole[0].size
+    assert [[Path(file.path).name for file in files] for files in others] == [
+        ["thun_00_a", "thun_01_a"],
+        ["thun_00_a", "thun_01_a"],
+        ["thun_00_a"],
+    ]
+    assert others[0][0].inferred["files.events"] == "train_events/thun_00_a/events/left/events.h5"
+
+
+def test_commands_take_a_divided_sequence(fedora_qa: Command, divided: Path, tmp_path: Path) -> None:
+    """``layout`` describes it, also from above, and drafts a dialect that reads it; outputs may not lie beside it."""
+    for path in (divided, divided / "thun_00_a"):
+        assert "disparity of 16 bits to depth" in fedora_qa("layout", path).out
+    assert fedora_qa("stats", divided / "thun_00_a").code == 0
+    draft = tmp_path / "mine.toml"
+    assert fedora_qa("layout", divided / "thun_00_a", "--draft-dialect", draft).code == 0
+    assert 'images_left_rectified = "images/left/rectified/*.png"' in draft.read_text()
+    done = fedora_qa("check", divided, "--select", "clocks", "--dialect", draft)
+    assert done.code == 0, done.out + done.err
+    inside = fedora_qa("check", divided / "thun_00_a", "--json", divided / "out.json")
+    assert (inside.code, "Expected an output outside of" in inside.err) == (2, True)
+
+
 def test_two_files_for_one_role_without_a_dialect(fedora_qa: Command, flat: Path) -> None:
     """The sentence names the role and both files, also where the folder lies in another."""
     shutil.copy(flat / "car_1_pose_gt.h5", flat / "old_pose_gt.h5")

@@ -16,7 +16,7 @@ from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.sources import images
 from fedora_qa.sources.images import ImageForm, read_image
 from fedora_qa.storage.digest import file_digest
-from fedora_qa.storage.folder import local_version
+from fedora_qa.storage.folder import divided_names, local_version, part_folders
 from tests.sources.test_exr import write_exr
 from tests.support.dsec_folder import write_dsec_folder, write_png
 from tests.support.handmade import write_handmade
@@ -321,3 +321,58 @@ def test_each_of_several_has_its_version_and_digest(tmp_path: Path) -> None:
     assert after["a1"][1] != before["a1"][1]
     (folder / "camchain-imucam-a.yaml").write_bytes(b"1")
     assert file_digest(folder / "b2").sha256 != before["b2"][1]
+
+
+DSEC_PARTS = ("train_events/a/events/left/events.h5", "train_images/a/images/left/rectified/000000.png")
+
+
+@pytest.mark.parametrize("name", ["named", "recognised"])
+def test_a_sequence_divided_among_folders(name: str, tmp_path: Path) -> None:
+    """Archives of events and of images, each unpacked into a folder of its own, are one sequence for each name."""
+    folder = touch(tmp_path / "dsec", *DSEC_PARTS, "train_images/b/images/timestamps.txt", "train_lidar/a/lidar.bag")
+    dialect = load_dialect("dsec") if name == "named" else None
+    assert sequences_in(folder, dialect) == (folder / "a",)
+    matched = matched_folder(folder / "a", dialect)
+    assert matched is not None
+    assert {role: files.first for role, files in matched.files.items()} == {
+        "events": folder / DSEC_PARTS[0],
+        "images": folder / DSEC_PARTS[1],
+    }
+    assert matched.place("events") == DSEC_PARTS[0]
+    assert matched.unused == ("train_lidar/a/lidar.bag",)
+    before = local_version(folder / "a"), file_digest(folder / "a").sha256
+    (folder / DSEC_PARTS[1]).write_bytes(b"1")
+    after = local_version(folder / "a"), file_digest(folder / "a").sha256
+    assert before[0] != after[0]
+    assert before[1] != after[1]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        pytest.param((*DSEC_PARTS, "old/a/events/left/events.h5"), id="a role twice"),
+        pytest.param((DSEC_PARTS[0], "labels/a/tracks.npy"), id="no role in the other"),
+        pytest.param((DSEC_PARTS[0], DSEC_PARTS[1].replace("/a/", "/b/")), id="other names"),
+        pytest.param((DSEC_PARTS[0], DSEC_PARTS[1].replace("train", ".train")), id="hidden"),
+    ],
+)
+def test_folders_of_one_name_that_are_no_sequence(names: tuple[str, ...], tmp_path: Path) -> None:
+    """Where a role has files in two of them, or one alone has roles, they are read as they lie."""
+    folder = touch(tmp_path / "dsec", *names)
+    assert sequences_in(folder, load_dialect("dsec")) == ()
+
+
+def test_links_are_no_parts(tmp_path: Path) -> None:
+    """A link to a folder is not followed, as elsewhere."""
+    folder = touch(tmp_path / "dsec", DSEC_PARTS[0])
+    outside = touch(tmp_path / "other", DSEC_PARTS[1])
+    (folder / "train_images").symlink_to(outside / "train_images")
+    assert sequences_in(folder, None) == ()
+    assert part_folders(folder / "a") == ()
+
+
+def test_many_folders_of_one_name_are_those_of_as_many_sequences(tmp_path: Path) -> None:
+    """``images`` in each of many folders is no sequence of that name, and is not searched."""
+    folder = touch(tmp_path / "dsec", *(f"{number}/images/{number}.png" for number in range(20)))
+    assert divided_names(folder) == ()
+    assert divided_names(touch(tmp_path / "two", *DSEC_PARTS)) == ("a",)
