@@ -13,6 +13,7 @@ Both are one-to-one up to the radius where ``d r_d / d r`` first is zero, and on
 Rays beyond it are not imaged: functions of arrays return NaN for them.
 """
 
+import functools
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -56,6 +57,7 @@ class CompiledLens(NamedTuple):
     largest_radius: float
 
 
+@functools.cache
 def compiled(lens: Lens | None) -> CompiledLens:
     """Return a lens for compiled loops; None is a pinhole."""
     if lens is None:
@@ -205,6 +207,26 @@ def distort(lens: CompiledLens, x: float, y: float) -> tuple[float, float]:
         gain = _theta_d(a, b, c, d, theta) / radius if radius > 0.0 else 1.0
         return x * gain, y * gain
     return x, y
+
+
+@njit(cache=True, error_model="numpy")
+def imaged_at(K: Float64, lens: CompiledLens, X: float, Y: float, Z: float) -> tuple[float, float]:
+    """Return the column and row, px, at which one point in front of the camera is imaged; NaN for others.
+
+    Parameters
+    ----------
+    K
+        (3, 3) intrinsics, px.
+    lens
+        Of the camera.
+    X, Y, Z
+        Of the point in the camera frame, m.
+    """
+    x, y = X / Z, Y / Z
+    if not Z > 0.0 or not np.sqrt(x * x + y * y) <= lens.largest_radius:
+        return np.nan, np.nan
+    x_d, y_d = distort(lens, x, y)
+    return K[0, 0] * x_d + K[0, 1] * y_d + K[0, 2], K[1, 1] * y_d + K[1, 2]
 
 
 @njit(cache=True, error_model="numpy")

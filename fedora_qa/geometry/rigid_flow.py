@@ -8,11 +8,18 @@ images both ends. Functions take the lens of the camera; None is a pinhole.
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.geometry.lens import distortion_slopes, pixels_of_rays, rays_of_pixels
-from fedora_qa.geometry.so3 import cross_matrices
+from fedora_qa.geometry.lens import (
+    CompiledLens,
+    compiled,
+    distort_slopes,
+    distortion_slopes,
+    pixels_of_rays,
+    rays_of_pixels,
+)
 from fedora_qa.sequence.declared import Lens
 from fedora_qa.sequence.stored_step import SINGLE_ROUNDOFF, StoredStep
 
@@ -82,15 +89,7 @@ def rigid_flow(
         (..., 2) px. NaN where depth is NaN, the point lies behind the camera, or the lens does not image an end. Not
         finite where the point lies so close to the plane Z = 0 of the camera that float64 overflows.
     """
-    points1_m = np.stack(moved_points(K, motion, columns, rows, depths_m, lens), axis=-1)
-    return flow_to_points(K, points1_m, columns, rows, lens)
-
-
-def flow_to_points(
-    K: Float64, points1_m: Float64, columns: Float64, rows: Float64, lens: Lens | None = None
-) -> Float64:
-    """Return the flow (..., 2) of pixels to points (..., 3) in the second camera frame, m, in px; as ``rigid_flow``."""
-    X1, Y1, Z1 = np.moveaxis(points1_m, -1, 0)
+    X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m, lens)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # u = (fx X1 + s Y1) / Z1 + cx - column, v = fy Y1 / Z1 + cy - row, and through the lens where there is any.
         inverse = np.where(Z1 > 0, 1.0 / Z1, np.nan)
@@ -157,22 +156,45 @@ def twist_jacobian(K: Float64, points1_m: Float64, lens: Lens | None = None) -> 
     ndarray of float64
         (n, 2, 6) of (u, v): px per rad of the rotation vector, then px per metre of the translation.
     """
-    X1, Y1, Z1 = points1_m.T
-    by_point = np.zeros((len(Z1), 2, 3))
-    # d (u, v) / d X1 of the perspective projection; a twist moves X1 by omega x X1 + tau.
-    by_point[:, 0, 0], by_point[:, 0, 1] = K[0, 0] / Z1, K[0, 1] / Z1
-    by_point[:, 1, 1] = K[1, 1] / Z1
-    by_point[:, 0, 2] = -(K[0, 0] * X1 + K[0, 1] * Y1) / Z1**2
-    by_point[:, 1, 2] = -K[1, 1] * Y1 / Z1**2
-    if lens is not None:
-        # By the chain rule: K (2 x 2), the derivative of the distortion, and that of the slopes X / Z and Y / Z.
-        x1, y1 = X1 / Z1, Y1 / Z1
-        by_slopes = K[:2, :2] @ distortion_slopes(lens, x1, y1)
-        slopes_by_point = np.zeros((len(Z1), 2, 3))
-        slopes_by_point[:, 0, 0] = slopes_by_point[:, 1, 1] = 1.0 / Z1
-        slopes_by_point[:, 0, 2], slopes_by_point[:, 1, 2] = -x1 / Z1, -y1 / Z1
-        by_point = by_slopes @ slopes_by_point
-    return np.concatenate((-by_point @ cross_matrices(points1_m), by_point), axis=-1)
+    jacobian = np.empty((len(points1_m), 2, 6))
+    _twist_slopes_of_points(np.ascontiguousarray(K), compiled(lens), np.ascontiguousarray(points1_m), jacobian)
+    return jacobian
+
+
+@njit(cache=True, error_model="numpy")
+def twist_slopes(K: Float64, lens: CompiledLens, X1: float, Y1: float, Z1: float, slopes: Float64) -> None:
+    """Write the derivative (2, 6) of the flow of one pixel by a twist; see ``twist_jacobian``.
+
+    Parameters
+    ----------
+    K
+        (3, 3) intrinsics, px.
+    lens
+        Of the camera.
+    X1, Y1, Z1
+        Coordinates of the point in the second camera frame, m, in front of the camera.
+    slopes
+        (2, 6) of (u, v): px per rad of the rotation vector, then px per metre of the translation.
+    """
+    x1, y1 = X1 / Z1, Y1 / Z1
+    # The slopes on the image plane by those of the ray; a pinhole's are equal.
+    xx, xy, yx, yy = distort_slopes(lens, x1, y1)
+    for axis in range(2):
+        # d (u, v) / d X1, with u = fx x_d + s y_d + cx, v = fy y_d + cy, and the slopes X / Z and Y / Z.
+        by_x_d, by_y_d = K[axis, 0], K[axis, 1]
+        by_X = (by_x_d * xx + by_y_d * yx) / Z1
+        by_Y = (by_x_d * xy + by_y_d * yy) / Z1
+        by_Z = -(by_X * x1 + by_Y * y1)
+        # A twist moves X1 by omega x X1 + tau: b . (omega x X1) = omega . (X1 x b).
+        slopes[axis, 0], slopes[axis, 1] = Y1 * by_Z - Z1 * by_Y, Z1 * by_X - X1 * by_Z
+        slopes[axis, 2] = X1 * by_Y - Y1 * by_X
+        slopes[axis, 3], slopes[axis, 4], slopes[axis, 5] = by_X, by_Y, by_Z
+
+
+@njit(cache=True, error_model="numpy")
+def _twist_slopes_of_points(K: Float64, lens: CompiledLens, points1_m: Float64, jacobian: Float64) -> None:
+    for i in range(len(points1_m)):
+        twist_slopes(K, lens, points1_m[i, 0], points1_m[i, 1], points1_m[i, 2], jacobian[i])
 
 
 def rounding_px(

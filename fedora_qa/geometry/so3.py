@@ -86,7 +86,11 @@ def log_quaternion(orientations_xyzw: Float64) -> Float64:
 
 def matrices_from_quaternions(orientations_xyzw: Float64) -> Float64:
     """Return rotation matrices (..., 3, 3) of quaternions (..., 4) of any nonzero length."""
-    x, y, z, w = np.moveaxis(normalise(orientations_xyzw), -1, 0)
+    return _matrices_of_units(normalise(orientations_xyzw))
+
+
+def _matrices_of_units(units_xyzw: Float64) -> Float64:
+    x, y, z, w = (units_xyzw[..., i] for i in range(4))
     R = np.empty((*np.shape(x), 3, 3))
     # R(q) of a unit quaternion (appendix B of the source above).
     R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
@@ -140,7 +144,7 @@ def quaternions_from_angles(angles_rad: Float64) -> Float64:
 
 def exp(rotation_vectors_rad: Float64) -> Float64:
     """Return rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
-    return matrices_from_quaternions(exp_quaternion(rotation_vectors_rad))
+    return _matrices_of_units(exp_quaternion(rotation_vectors_rad))
 
 
 def log(R: Float64) -> Float64:
@@ -150,7 +154,7 @@ def log(R: Float64) -> Float64:
 
 def cross_matrices(vectors: Float64) -> Float64:
     """Return the skew-symmetric matrices (..., 3, 3) of vectors (..., 3): ``cross_matrices(a) @ b = a x b``."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
+    x, y, z = (vectors[..., i] for i in range(3))
     crosses = np.zeros((*np.shape(x), 3, 3))
     crosses[..., 0, 1], crosses[..., 0, 2], crosses[..., 1, 2] = -z, y, -x
     crosses[..., 1, 0], crosses[..., 2, 0], crosses[..., 2, 1] = z, -y, x

@@ -10,10 +10,12 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.geometry.rigid_flow import flow_to_points, moved_points, rigid_flow, twist_jacobian
+from fedora_qa.geometry.lens import CompiledLens, compiled, imaged_at, rays_of_pixels
+from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, twist_jacobian, twist_slopes
 from fedora_qa.sequence.declared import Lens
 
 Float64 = NDArray[np.float64]
@@ -142,12 +144,13 @@ def fit_motion(
         None where the steps do not stay within the linearisation, or where most points lie behind the camera.
     """
     fitted = start or motion
+    pixels = _pixels_of(K, sample)
     for _ in range(_ITERATIONS):
-        residual, jacobian = _linearised(K, fitted, sample)
+        residual, jacobian = _linearised(K, fitted, pixels)
         # Gauss-Newton: (J^T J) step = J^T r, with J the derivative of the flow by the twist.
-        information = np.einsum("nki,nkj->ij", jacobian, jacobian)
+        information = jacobian.T @ jacobian
         scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-        gradient = np.einsum("nki,nk->i", jacobian, residual)
+        gradient = jacobian.T @ residual
         # Columns of J are scaled to unit norm, so that radians and metres are of the same size in the system.
         step: Float64 = np.linalg.lstsq(information / np.outer(scale, scale), gradient / scale, rcond=1e-12)[0] / scale
         if not np.all(np.isfinite(step)) or np.linalg.norm(step[:3]) > _LARGEST_TURN_RAD:
@@ -227,27 +230,59 @@ def _trimmed_squares(fit: MotionFit) -> float:
     return float(np.sum(np.sort(_squares(fit))[: len(fit.residual_px) // 2]))
 
 
-def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Float64, Float64]:
-    """Return the residual (n, 2), px, and its Jacobian by the twist (n, 2, 6).
+class _SamplePixels(NamedTuple):
+    """Pixels of a sample for compiled loops, with the slopes (n,) of their rays and their lens."""
+
+    columns: Float64
+    rows: Float64
+    x: Float64
+    y: Float64
+    depths_m: Float64
+    flow_px: Float64
+    lens: CompiledLens
+
+
+def _pixels_of(K: Float64, sample: FlowSample) -> _SamplePixels:
+    x, y = rays_of_pixels(K, sample.lens, sample.columns, sample.rows)
+    columns, rows, x, y, depths_m, flow_px = (
+        np.ascontiguousarray(values, np.float64)
+        for values in (sample.columns, sample.rows, x, y, sample.depths_m, sample.flow_px)
+    )
+    return _SamplePixels(columns, rows, x, y, depths_m, flow_px, compiled(sample.lens))
+
+
+def _linearised(K: Float64, motion: RigidMotion, pixels: _SamplePixels) -> tuple[Float64, Float64]:
+    """Return the residual (2 n,), px, and its Jacobian by the twist (2 n, 6).
 
     Both are zero where a point lies behind the camera.
     """
-    points1_m = sample.moved_points_m(K, motion)
-    residual, in_front = _residual_px(K, points1_m, sample)
-    # A point in front of the camera keeps the Jacobian finite until it is multiplied by 0.
-    points1_m[~in_front] = (0.0, 0.0, 1.0)
-    return residual, sample.twist_jacobian(K, points1_m) * in_front[:, None, None]
+    n = len(pixels.columns)
+    residual, jacobian = np.empty((n, 2)), np.empty((n, 2, 6))
+    K, R, t_m = (np.ascontiguousarray(values) for values in (K, motion.R, motion.t_m))
+    _linearise(K, R, t_m, pixels, residual, jacobian)
+    return residual.reshape(-1), jacobian.reshape(-1, 6)
 
 
-def _residual_px(K: Float64, points1_m: Float64, sample: FlowSample) -> tuple[Float64, NDArray[np.bool_]]:
-    """Return the residual (n, 2), px, of a sample whose points (n, 3) m have moved, and where (n,) they lie in front.
-
-    It is zero elsewhere.
-    """
-    residual = sample.flow_px - flow_to_points(K, points1_m, sample.columns, sample.rows, sample.lens)
-    in_front = np.logical_and(*np.isfinite(residual).T)
-    residual[~in_front] = 0.0
-    return residual, in_front
+@njit(cache=True, error_model="numpy")
+def _linearise(
+    K: Float64, R: Float64, t_m: Float64, pixels: _SamplePixels, residual: Float64, jacobian: Float64
+) -> None:
+    """Write the residual (n, 2), px, and its Jacobian by the twist (n, 2, 6)."""
+    for i in range(len(pixels.columns)):
+        x, y, Z0 = pixels.x[i], pixels.y[i], pixels.depths_m[i]
+        # X1 = Z0 R ray + t.
+        X1 = Z0 * (R[0, 0] * x + (R[0, 1] * y + R[0, 2])) + t_m[0]
+        Y1 = Z0 * (R[1, 0] * x + (R[1, 1] * y + R[1, 2])) + t_m[1]
+        Z1 = Z0 * (R[2, 0] * x + (R[2, 1] * y + R[2, 2])) + t_m[2]
+        column1, row1 = imaged_at(K, pixels.lens, X1, Y1, Z1)
+        u = pixels.flow_px[i, 0] - (column1 - pixels.columns[i])
+        v = pixels.flow_px[i, 1] - (row1 - pixels.rows[i])
+        if np.isfinite(u) and np.isfinite(v):
+            residual[i, 0], residual[i, 1] = u, v
+            twist_slopes(K, pixels.lens, X1, Y1, Z1, jacobian[i])
+        else:
+            residual[i] = 0.0
+            jacobian[i] = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -360,25 +395,28 @@ def weigh_templates(
     -----
     Without ``twist_covariance`` the pose is exact and nothing is eliminated. With it, the twist x of prior covariance S
     is eliminated: the minimum of ``|e - J x - G a|^2 / sigma^2 + x^T S^-1 x`` over x leaves normal equations in a
-    (Schur's complement). The residual e is linearised about the fitted motion, where its second-order terms are below
-    rounding.
+    (Schur's complement). The residual ``e = r + J t`` is linearised about the fitted motion of twist t, where its
+    second-order terms are below rounding. There r is small, and nothing of the size of J t, which may be a million
+    times larger, is subtracted from another: with A = J^T J / sigma^2, the remaining squares are
+    ``|r|^2 / sigma^2 + t^T (A^-1 + S)^-1 t`` and terms in J^T r, which is zero where the steps have converged.
     """
+    pixels = _pixels_of(K, sample)
+    columns = np.nan_to_num(templates.reshape(len(templates) * 2, -1))
     if twist_covariance is None or fit is None:
-        return _normal_equations(
-            _residual_px(K, sample.moved_points_m(K, motion), sample)[0], templates, sample.sigma_px
-        )
-    residual, jacobian = _linearised(K, fit.motion, sample)
-    residual = residual + jacobian @ fit.twist  # about the given motion: the prior's mean
-    plain = _normal_equations(residual, templates, sample.sigma_px)
+        return _normal_equations(_linearised(K, motion, pixels)[0], columns, sample.sigma_px)
+    residual, jacobian = _linearised(K, fit.motion, pixels)
+    plain = _normal_equations(residual, columns, sample.sigma_px)
     weight = 1.0 / sample.sigma_px**2
-    cross = weight * np.einsum("nki,nkm->im", jacobian, np.nan_to_num(templates))
-    pull = weight * np.einsum("nki,nk->i", jacobian, residual)
-    # Schur's complement: (J^T J / sigma^2 + S^-1)^-1, with S possibly singular, applied to both right-hand sides.
-    solved = parallel_sum(twist_covariance, fit.information) @ np.column_stack((cross, pull))
+    information = weight * jacobian.T @ jacobian
+    cross, gradient = weight * jacobian.T @ columns, weight * jacobian.T @ residual
+    # Schur's complement: (A + S^-1)^-1, with S possibly singular.
+    eliminated = parallel_sum(twist_covariance, information)
+    left = fit.twist - eliminated @ (information @ fit.twist)
+    by_prior = fit.twist @ parallel_sum(information, twist_covariance) @ fit.twist
     return Evidence(
-        plain.matrix - cross.T @ solved[:, :-1],
-        plain.vector - cross.T @ solved[:, -1],
-        max(plain.total - float(pull @ solved[:, -1]), 0.0),
+        plain.matrix - cross.T @ eliminated @ cross,
+        plain.vector + cross.T @ (left - eliminated @ gradient),
+        max(plain.total + float(2 * gradient @ left - gradient @ eliminated @ gradient + by_prior), 0.0),
         plain.count,
     )
 
@@ -431,11 +469,12 @@ def twist_statistic(fit: MotionFit, twist_covariance: Float64) -> tuple[float, f
     return float(fit.twist @ weight @ fit.twist), float(np.trace(weight @ twist_covariance))
 
 
-def _normal_equations(residual: Float64, templates: Float64, sigma_px: float) -> Evidence:
+def _normal_equations(residual: Float64, columns: Float64, sigma_px: float) -> Evidence:
+    """Return the evidence for templates, columns of (2 n, m), in a residual (2 n,), px."""
     weight = 1.0 / sigma_px**2
-    flat = np.nan_to_num(templates.reshape(residual.size, -1))
-    r = residual.reshape(-1)
-    return Evidence(weight * flat.T @ flat, weight * flat.T @ r, weight * float(r @ r), len(r))
+    return Evidence(
+        weight * columns.T @ columns, weight * columns.T @ residual, weight * float(residual @ residual), len(residual)
+    )
 
 
 @dataclass(frozen=True, slots=True)
