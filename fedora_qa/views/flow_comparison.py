@@ -10,16 +10,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
-from fedora_qa.estimators.flow.motion_fit import (
-    Evidence,
-    FlowSample,
-    MotionFit,
-    fit_most,
-    fit_motion,
-    parameter_templates,
-    twist_statistic,
-    weigh_templates,
-)
+from fedora_qa.estimators.flow.motion_fit import FlowSample, MotionFit, fit_most, fit_motion, twist_statistic
+from fedora_qa.estimators.flow.parameter_templates import Evidence, parameter_templates, weigh_templates
 from fedora_qa.estimators.flow.shift_fit import ShiftFit, ShiftSample, fit_shift
 from fedora_qa.features import Feature
 from fedora_qa.geometry.camera import RigidMotion

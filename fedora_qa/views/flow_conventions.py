@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.conventions import MM_PER_M, MS_PER_S, R_BODY_OPTICAL
-from fedora_qa.estimators.flow.motion_fit import FlowSample, fit_motion, weigh_templates
+from fedora_qa.estimators.flow.motion_fit import FlowSample, fit_motion
+from fedora_qa.estimators.flow.parameter_templates import weigh_templates
 from fedora_qa.features import Feature
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.lens import rays_of_pixels

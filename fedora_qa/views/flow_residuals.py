@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow.field_fit import MEAN, fit_field, lock_in, templates_of_flow
-from fedora_qa.estimators.flow.motion_fit import Evidence
+from fedora_qa.estimators.flow.parameter_templates import Evidence
 from fedora_qa.estimators.flow.residual import (
     HALO_PX,
     TILE_PX,

@@ -5,7 +5,16 @@ import numpy as np
 import pytest
 
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.geometry.lens import distorted, distortion_slopes, largest_radius, rays_of_pixels, undistorted
+from fedora_qa.geometry.lens import (
+    compiled,
+    distorted,
+    distortion_slopes,
+    imaged_at,
+    largest_radius,
+    pixels_of_rays,
+    rays_of_pixels,
+    undistorted,
+)
 from fedora_qa.geometry.rigid_flow import depths_by_flow, moved_points, rigid_flow, rounding_px, twist_jacobian
 from fedora_qa.geometry.so3 import exp
 from fedora_qa.sequence.declared import Lens
@@ -36,6 +45,20 @@ def test_projection_is_that_of_opencv(lens: Lens) -> None:
     project = cv2.projectPoints if lens.model == "radtan" else cv2.fisheye.projectPoints
     expected = project(points, still, still, np.eye(3), coefficients)[0].reshape(-1, 2)
     np.testing.assert_allclose(np.stack(distorted(lens, x, y), axis=-1), expected, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("lens", [None, *LENSES.values()], ids=["pinhole", *LENSES])
+def test_a_point_is_imaged_as_its_ray(lens: Lens | None) -> None:
+    """At every depth; a point behind the camera or beyond the domain of the lens is imaged nowhere."""
+    x, y = rays()
+    expected = np.stack(pixels_of_rays(K, lens, x, y), axis=-1)
+    for Z in (0.2, 50.0):
+        points = np.stack((x * Z, y * Z, np.full_like(x, Z)), axis=-1)
+        np.testing.assert_allclose([imaged_at(K, compiled(lens), *point) for point in points], expected, rtol=1e-12)
+    assert np.isnan(imaged_at(K, compiled(lens), 0.1, 0.1, -1.0)).all()
+    assert np.isnan(imaged_at(K, compiled(lens), 0.1, 0.1, 0.0)).all()
+    if lens is not None and np.isfinite(limit := largest_radius(lens)):
+        assert np.isnan(imaged_at(K, compiled(lens), 1.01 * limit, 0.0, 1.0)).all()
 
 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)

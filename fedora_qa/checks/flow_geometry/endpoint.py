@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.flow.motion_fit import FLOW_GAIN, PARAMETER_TEMPLATES, TIME_OFFSET, sum_of
+from fedora_qa.estimators.flow.parameter_templates import FLOW_GAIN, PARAMETER_TEMPLATES, TIME_OFFSET, sum_of
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -226,8 +226,8 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
     Sources
     -------
     The paper's flow equation x* = K pi(R z K^-1 x + T). Rounding: first principles, ``geometry/rigid_flow.py``.
-    Elimination of the pose: Schur's complement, ``estimators/flow/motion_fit.py``. E. B. Wilson, M. M. Hilferty, PNAS
-    17 (1931) 684.
+    Elimination of the pose: Schur's complement, ``estimators/flow/parameter_templates.py``. E. B. Wilson, M. M.
+    Hilferty, PNAS 17 (1931) 684.
     """
 
     name = "flow_geometry.endpoint"

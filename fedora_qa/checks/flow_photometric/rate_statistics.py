@@ -25,7 +25,7 @@ from fedora_qa.estimators.flow.field_fit import (
     have_common_gain,
     own_mean_share,
 )
-from fedora_qa.estimators.flow.motion_fit import sum_of
+from fedora_qa.estimators.flow.parameter_templates import sum_of
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.estimators.fitting.tails import chi_squared_beyond, student_factor
-from fedora_qa.estimators.flow.motion_fit import Evidence, sum_of
+from fedora_qa.estimators.flow.parameter_templates import Evidence, sum_of
 
 Float64 = NDArray[np.float64]
 

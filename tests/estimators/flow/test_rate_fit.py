@@ -17,7 +17,7 @@ from fedora_qa.estimators.flow.field_fit import (
     own_mean_share,
     templates_of_flow,
 )
-from fedora_qa.estimators.flow.motion_fit import Evidence
+from fedora_qa.estimators.flow.parameter_templates import Evidence
 
 TEMPLATES = 15
 
