@@ -6,16 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.events.orientation import (
-    LEAST_LIGHT,
-    ChangeMoments,
-    add_events_beyond,
-    event_blocks,
-    implied_moments,
-    level_blocks,
-    span_moments,
-    step_moments,
-)
+from fedora_qa.estimators.events.block_means import LEAST_LIGHT, add_events_beyond, event_blocks, level_blocks
+from fedora_qa.estimators.events.orientation import ChangeMoments, implied_moments, span_moments, step_moments
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (

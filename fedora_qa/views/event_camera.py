@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.clocks.grid import crowded_step_ns
+from fedora_qa.estimators.events.block_means import LEAST_LIGHT
 from fedora_qa.estimators.events.footprint import FootprintAxis, Footprints, footprint_axis
 from fedora_qa.estimators.events.lin_log import logarithmic_light, logarithmic_light_error
-from fedora_qa.estimators.events.orientation import LEAST_LIGHT
 from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel, count_between_frames
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import Camera, Declared, EventModel

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_US, US_PER_S
+from fedora_qa.estimators.events.block_means import BLOCK_PX
 from fedora_qa.estimators.events.change_courses import longest_unrelated
-from fedora_qa.estimators.events.orientation import BLOCK_PX
 from fedora_qa.estimators.fitting.robust import robust_sigma, sensitivity_range
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
@@ -100,7 +100,7 @@ class EventResponseFrames(WindowCheck[IntervalMoments]):
 
     Sources
     -------
-    First principles (``fedora_qa/estimators/events/orientation.py``).
+    First principles (``fedora_qa/estimators/events/block_means.py``).
     """
 
     name = "event_response.frames"

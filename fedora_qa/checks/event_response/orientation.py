@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.estimators.events.block_means import BLOCK_PX
 from fedora_qa.estimators.events.orientation import (
-    BLOCK_PX,
     LEAST_PREDICTED,
     SYMMETRIES,
     ChangeMoments,
