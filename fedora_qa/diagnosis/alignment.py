@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, EventEdges
-from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
+from fedora_qa.diagnosis.declared_intrinsics import hypotheses_of_centres
 from fedora_qa.diagnosis.event_response import offset_hypotheses
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.measured_sizes import length_with_error

@@ -20,7 +20,7 @@ from fedora_qa.checks.event_response.threshold import DomainPreference, EventSte
 from fedora_qa.checks.event_response.timing import DelayCourses, DelayedSegment, OffsetSize
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.clock_grids import places_of_clocks
-from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres, odd_intrinsics
+from fedora_qa.diagnosis.declared_intrinsics import hypotheses_of_centres, odd_intrinsics
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support, weakened
 from fedora_qa.diagnosis.measured_sizes import length_with_error, rgb_px_per_event_px
 from fedora_qa.estimators.clocks.regular_clock import fit_regular_clock

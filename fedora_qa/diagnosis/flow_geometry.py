@@ -24,7 +24,7 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import (
 )
 from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S
-from fedora_qa.diagnosis.declared_cameras import is_chosen
+from fedora_qa.diagnosis.designed_cameras import is_chosen
 from fedora_qa.diagnosis.flow import (
     DISPLACEMENTS,
     convention_hypotheses,

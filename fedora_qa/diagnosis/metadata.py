@@ -8,13 +8,13 @@ from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint, Rect
 from fedora_qa.checks.metadata.complete import DeclarationDefect
 from fedora_qa.checks.metadata.units import UnitLabel
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.declared_cameras import (
-    brings_centres_together,
+from fedora_qa.diagnosis.declared_intrinsics import (
     resized_images,
     support_of_resizing,
     transposed,
     transposed_hypothesis,
 )
+from fedora_qa.diagnosis.declared_mountings import brings_centres_together
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, over_all_rates, support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.layout.canonical import is_flow_stream

@@ -8,19 +8,18 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.event_response.alignment import CameraErrorFits
-from fedora_qa.diagnosis.declared_cameras import (
+from fedora_qa.diagnosis.declared_intrinsics import (
     centres_from_middle,
     film_focal_lengths,
-    mounting_units,
     odd_centres,
     odd_intrinsics,
-    odd_mounting,
     opposite_focal_lengths,
     other_views,
     sizes_of_images,
     transposed,
     unequal_focal_lengths,
 )
+from fedora_qa.diagnosis.declared_mountings import mounting_units, odd_mounting
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.measured_sizes import flow_vector
 from fedora_qa.estimators.events.shift_field import (

@@ -10,7 +10,7 @@ from fedora_qa.checks.index_maps.frame_to_event import WrongEntries
 from fedora_qa.checks.integrity.finite import OutOfRange
 from fedora_qa.conventions import FRD_FROM_FLU, MS_PER_S, NED_FROM_ENU, SAME_AXES
 from fedora_qa.diagnosis.clocks import is_right_elsewhere
-from fedora_qa.diagnosis.declared_cameras import inverted_mountings, mountings_of_other_bodies
+from fedora_qa.diagnosis.declared_mountings import inverted_mountings, mountings_of_other_bodies
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
 from fedora_qa.diagnosis.flow import CAUSES_OF_TRANSFORM, fractions_of_px
 from fedora_qa.diagnosis.image_parts import fewest_fields_off, part_of_images, part_of_time

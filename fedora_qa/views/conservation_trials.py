@@ -22,8 +22,9 @@ from fedora_qa.estimators.events.shift import RADIUS_PX, cross_correlation
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import GRID, ROUNDING_DN, ResampledFrames, resampled_frames, sensor_events, signal
+from fedora_qa.views.event_camera import ROUNDING_DN, ResampledFrames, resampled_frames, signal
 from fedora_qa.views.frame_runs import EVEN, join, violations
+from fedora_qa.views.sensor_events import GRID, sensor_events
 
 Bool = NDArray[np.bool_]
 Counts = NDArray[np.int32]

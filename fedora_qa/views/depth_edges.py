@@ -14,9 +14,9 @@ from fedora_qa.estimators.depth.inverse_depth import DepthSteps, depth_steps
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import outlines_in_camera, why_not_comparable
-from fedora_qa.views.event_camera import sensor_shape
 from fedora_qa.views.flow_intervals import frame_at
 from fedora_qa.views.frames import is_large, luma_dn
+from fedora_qa.views.sensor_events import sensor_shape
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]

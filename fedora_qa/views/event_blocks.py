@@ -10,14 +10,8 @@ from fedora_qa.estimators.events.block_means import LEAST_LIGHT, add_events_beyo
 from fedora_qa.estimators.events.orientation import ChangeMoments, implied_moments, span_moments, step_moments
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import (
-    GRID,
-    ResampledFrames,
-    all_events,
-    resampled_frames,
-    sensor_events,
-    sensor_shape,
-)
+from fedora_qa.views.event_camera import ResampledFrames, resampled_frames
+from fedora_qa.views.sensor_events import GRID, all_events, sensor_events, sensor_shape
 
 Float64 = NDArray[np.float64]
 

@@ -39,15 +39,7 @@ from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import (
-    GRID,
-    corrected_events,
-    local_tick_ns,
-    pixel_events,
-    resampled_frames,
-    sorted_by_pixel,
-    tick_ns,
-)
+from fedora_qa.views.event_camera import resampled_frames
 from fedora_qa.views.level_samples import (
     CAPTURE_RANGE_S,
     FARTHEST_OFFSET_NS,
@@ -58,6 +50,7 @@ from fedora_qa.views.level_samples import (
     search_offset,
     usable_pixels,
 )
+from fedora_qa.views.sensor_events import GRID, corrected_events, local_tick_ns, pixel_events, sorted_by_pixel, tick_ns
 
 Float64 = NDArray[np.float64]
 

@@ -24,14 +24,8 @@ from fedora_qa.estimators.events.conservation import (
 from fedora_qa.estimators.events.pixels import add_counts, mark_bursts
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import (
-    ROUNDING_DN,
-    ResampledFrames,
-    events_around,
-    resampled_frames,
-    sensor_events,
-    sensor_shape,
-)
+from fedora_qa.views.event_camera import ROUNDING_DN, ResampledFrames, resampled_frames
+from fedora_qa.views.sensor_events import events_around, sensor_events, sensor_shape
 
 Bool = NDArray[np.bool_]
 Float64 = NDArray[np.float64]

@@ -34,16 +34,8 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_blocks import NOMINAL_RESPONSE
-from fedora_qa.views.event_camera import (
-    HALO_NS,
-    ROUNDING_DN,
-    ResampledFrames,
-    events_around,
-    local_tick_ns,
-    pixel_events,
-    resampled_frames,
-    sorted_by_pixel,
-)
+from fedora_qa.views.event_camera import ROUNDING_DN, ResampledFrames, resampled_frames
+from fedora_qa.views.sensor_events import HALO_NS, events_around, local_tick_ns, pixel_events, sorted_by_pixel
 
 LONGEST_GAP_NS: Final = 20_000_000
 """Events farther apart do not determine a level: between them the level of a pixel may have any value within its

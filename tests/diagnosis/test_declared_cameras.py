@@ -12,18 +12,16 @@ from fedora_qa.checks.metadata.cameras import PrincipalPoint
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import R_BODY_OPTICAL
 from fedora_qa.diagnosis.candidates import FITS
-from fedora_qa.diagnosis.declared_cameras import (
+from fedora_qa.diagnosis.declared_cameras import of_declared_cameras
+from fedora_qa.diagnosis.declared_intrinsics import (
     centres_from_middle,
     film_focal_lengths,
-    inverted_mountings,
-    mountings_of_other_bodies,
-    odd_mounting,
-    of_declared_cameras,
     other_views,
     resized_images,
     sizes_of_images,
     unequal_focal_lengths,
 )
+from fedora_qa.diagnosis.declared_mountings import inverted_mountings, mountings_of_other_bodies, odd_mounting
 from fedora_qa.diagnosis.metadata import propose_cameras
 from fedora_qa.diagnosis.proposed_faults import faults_for
 from fedora_qa.faults.mountings import CameraAxes, InvertedMounting

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.flow_geometry.endpoint import FieldsOff, FlowGainFit, FlowRatesOff
 from fedora_qa.checks.protocol import Statistic
-from fedora_qa.diagnosis.declared_cameras import is_chosen
+from fedora_qa.diagnosis.designed_cameras import is_chosen
 from fedora_qa.diagnosis.flow_geometry import propose_endpoint
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where

@@ -15,7 +15,7 @@ from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.order import DisplacedFrames, OutOfOrderIntervals
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import NS_PER_MS
-from fedora_qa.diagnosis.declared_cameras import hypotheses_of_centres
+from fedora_qa.diagnosis.declared_intrinsics import hypotheses_of_centres
 from fedora_qa.diagnosis.length_units import is_length_unit
 from fedora_qa.diagnosis.proposed_faults import faults_for, is_testable
 from fedora_qa.estimators.imu.conventions import InertialConvention

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.views.conservation_trials import most_resolved
-from fedora_qa.views.event_camera import GRID
+from fedora_qa.views.sensor_events import GRID
 
 
 @given(st.integers(0, 2**32 - 1))

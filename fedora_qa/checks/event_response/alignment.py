@@ -31,18 +31,20 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
 from fedora_qa.views.event_camera import (
-    GRID,
     WINDOW_NS,
     intervals_due,
-    is_large_sensor,
     lattice_signals,
+    resampled_frames,
+    why_frames_and_events_do_not_meet,
+)
+from fedora_qa.views.sensor_events import (
+    GRID,
+    is_large_sensor,
     pixel_events,
     place_of_segment,
     place_of_tiles,
-    resampled_frames,
     sensor_events,
     sensor_shape,
-    why_frames_and_events_do_not_meet,
 )
 
 Float64 = NDArray[np.float64]

@@ -26,14 +26,9 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.conservation_trials import InverseTrial, inverse_trials, is_tried
 from fedora_qa.views.event_balance import balance_features, window_balance
 from fedora_qa.views.event_blocks import block_moments
-from fedora_qa.views.event_camera import (
-    GRID,
-    resampled_frames,
-    sensor_shape,
-    starts_at_first_frame,
-    why_frames_and_events_do_not_meet,
-)
+from fedora_qa.views.event_camera import resampled_frames, starts_at_first_frame, why_frames_and_events_do_not_meet
 from fedora_qa.views.frame_runs import FrameRuns, FrameRunSummary
+from fedora_qa.views.sensor_events import GRID, sensor_shape
 
 Bool = NDArray[np.bool_]
 

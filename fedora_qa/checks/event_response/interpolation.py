@@ -24,14 +24,8 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import (
-    intervals_due,
-    is_large_sensor,
-    local_tick_ns,
-    pixel_events,
-    resampled_frames,
-    why_frames_and_events_do_not_meet,
-)
+from fedora_qa.views.event_camera import intervals_due, resampled_frames, why_frames_and_events_do_not_meet
+from fedora_qa.views.sensor_events import is_large_sensor, local_tick_ns, pixel_events
 
 STEPS: Final = (1, 2, 3, 4, 5, 6, 8, 10)
 """Numbers of renders in a frame interval that are tested."""

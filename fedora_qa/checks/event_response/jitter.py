@@ -21,7 +21,7 @@ from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import GRID, HALO_NS, local_tick_ns, pixel_events, sensor_shape
+from fedora_qa.views.sensor_events import GRID, HALO_NS, local_tick_ns, pixel_events, sensor_shape
 
 MOST_QUADRUPLES: Final = 4000
 """Number of quadruples of a window beyond which pixels are sampled. 4000 determine the jitter of a window to 5%."""

@@ -27,12 +27,8 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_axes import look_apart
 from fedora_qa.views.event_blocks import NOMINAL_RESPONSE, block_moments
-from fedora_qa.views.event_camera import (
-    place_of_segment,
-    place_of_tiles,
-    starts_at_first_frame,
-    why_frames_and_events_do_not_meet,
-)
+from fedora_qa.views.event_camera import starts_at_first_frame, why_frames_and_events_do_not_meet
+from fedora_qa.views.sensor_events import place_of_segment, place_of_tiles
 
 Float64 = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import place_of_segment, place_of_tiles, why_frames_and_events_do_not_meet
+from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
 from fedora_qa.views.event_clock_offset import (
     ClockOffset,
     InterpolationSums,
@@ -34,6 +34,7 @@ from fedora_qa.views.event_clock_offset import (
     segment_offset,
 )
 from fedora_qa.views.level_samples import LevelSums, ThresholdFit, fit_thresholds, level_coverage, level_sums
+from fedora_qa.views.sensor_events import place_of_segment, place_of_tiles
 
 WINDOWS_SEARCHED: Final = 6
 

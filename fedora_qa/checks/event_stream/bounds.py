@@ -21,7 +21,7 @@ from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import all_events, all_on_sensor, own, sensor_shape
+from fedora_qa.views.sensor_events import all_events, all_on_sensor, own, sensor_shape
 
 _ENOUGH_EVENTS: Final = 1000
 """Least number of events for a notice of a single polarity: fewer may come from one edge."""

@@ -32,7 +32,7 @@ from fedora_qa.estimators.events.repeats import (
 from fedora_qa.features import Feature
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import HALO_NS, local_tick_ns, own, pixel_events, sensor_events, sensor_shape
+from fedora_qa.views.sensor_events import HALO_NS, local_tick_ns, own, pixel_events, sensor_events, sensor_shape
 
 _MOST_TILES: Final = 32
 """Largest number of tiles of a doubled tick that is counted exactly: with more, the probability is negligible."""

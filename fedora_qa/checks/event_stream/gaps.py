@@ -20,8 +20,8 @@ from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
 from fedora_qa.views.clock_resets import clock_reset
-from fedora_qa.views.event_camera import all_events, local_tick_ns, own, pixel_events, tick_ns
 from fedora_qa.views.motion_samples import join_poses, owned_imu, owned_poses
+from fedora_qa.views.sensor_events import all_events, local_tick_ns, own, pixel_events, tick_ns
 
 Int64 = NDArray[np.int64]
 

@@ -18,7 +18,7 @@ from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import own, sensor_events, sensor_shape
+from fedora_qa.views.sensor_events import own, sensor_events, sensor_shape
 
 Pixel = tuple[int, int]
 """Column and row."""

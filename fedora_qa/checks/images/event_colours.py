@@ -30,14 +30,9 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_axes import turned_frame
-from fedora_qa.views.event_camera import (
-    event_footprints,
-    local_tick_ns,
-    pixel_events,
-    resampled_frames,
-    why_frames_and_events_do_not_meet,
-)
+from fedora_qa.views.event_camera import event_footprints, resampled_frames, why_frames_and_events_do_not_meet
 from fedora_qa.views.level_samples import FEWEST_PAIRS, LINEAR_LEAST_TICKS, hot_pixels, least_dn
+from fedora_qa.views.sensor_events import local_tick_ns, pixel_events
 
 _SAMPLED_EVERY_PX: Final = 4
 """Every fourth pixel along both axes of a frame: its codes need no more."""

@@ -35,7 +35,7 @@ from fedora_qa.estimators.events.shift_errors import (
 )
 from fedora_qa.estimators.events.shift_kernels import FIRED, KNOWN, OPEN, USABLE
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
-from fedora_qa.views.event_camera import GRID, tile_around
+from fedora_qa.views.sensor_events import GRID, tile_around
 
 TEXTURE = gaussian_filter(np.random.default_rng(0).normal(0, 1, (24, 36)), 1.5)
 ALL = np.ones(TEXTURE.shape, np.bool_)
