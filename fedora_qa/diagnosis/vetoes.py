@@ -197,8 +197,12 @@ def contradicts(
     is_own_camera = family == "flow" and cause in _OF_CAMERA and _passed(results.get("flow_geometry.endpoint"))
     of_noise = (cause, family) == _NOISE_OF_POSES
     is_no_noise = of_noise and _follows_declared_noise(magnitude, results.get("flow_geometry.endpoint"))
+    # Events of noise are anywhere: they weaken a correlation, and displace none.
+    is_displaced = (cause, family) == ("noise_misdeclared", "events") and _has_finding(
+        results.get("event_response.alignment"), "event_response.alignment.shift"
+    )
     of_clocks = is_off_grid or is_within_reach or is_rounding or is_of_frames
-    if of_clocks or is_of_another_body or is_no_threshold or is_no_arm or is_own_camera or is_no_noise:
+    if is_displaced or of_clocks or is_of_another_body or is_no_threshold or is_no_arm or is_own_camera or is_no_noise:
         return True
     # A gain that was measured of single frames, or of the events of a part, changes the whole by less.
     is_of_part = cause in ("exposure_or_gamma", "threshold_misdeclared") and magnitude is not None

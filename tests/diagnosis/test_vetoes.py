@@ -468,3 +468,12 @@ def test_thresholds_of_a_part_may_leave_those_of_the_whole_in_order() -> None:
     results = {"event_response.threshold": Result("event_response.threshold", "passed", "as declared")}
     assert contradicts("threshold_misdeclared", "events", None, results, {})
     assert not contradicts("threshold_misdeclared", "events", -50.0, results, {})
+
+
+@pytest.mark.parametrize(("code", "is_contradicted"), [("shift", True), ("field", False)])
+def test_noise_displaces_no_event(code: str, *, is_contradicted: bool) -> None:
+    """Where events lie beside the changes of the frames, noise that is not declared is not the cause."""
+    finding = Finding("F1", f"event_response.alignment.{code}", "error", "", Where(stream="events"))
+    results = {"event_response.alignment": Result("event_response.alignment", "failed", "off", findings=(finding,))}
+    assert contradicts("noise_misdeclared", "events", None, results, {}) == is_contradicted
+    assert not contradicts("noise_misdeclared", "pose", None, results, {})
