@@ -167,10 +167,11 @@ def _listed(names: Collection[str]) -> str:
 def _side_by_side(by_folder: Mapping[str, list[str]], dialect: Dialect) -> dict[str, dict[str, list[str]]]:
     """Return, by name of sequence, the files that have a role in it, where one folder holds several sequences.
 
-    A sequence has the name of which ``*`` in the pattern of the first role takes the place, without separators at its
-    ends. A file of another role belongs to the sequence of the same name. A document belongs to those whose names begin
-    like its own, the longest of several; the only one belongs to all. It is empty where there are fewer than two files
-    of the first role, or none of another, or a file or sequence has no such partner: then two files have one role.
+    A sequence has the name of which the first ``*`` in the pattern of the first role takes the place, without
+    separators at its ends. A file of another role belongs to the sequence of the same name. A document belongs to those
+    whose names begin like its own, the longest of several; the only one belongs to all. It is empty where there are
+    fewer than two files of the first role, or none of another, or a file or sequence has no such partner: then two
+    files have one role.
     """
     first, *others = (_fitting_first(by_folder, patterns) for patterns in dialect.files.values())
     names = {name: place for place, name in first.items()}
@@ -199,12 +200,17 @@ def _side_by_side(by_folder: Mapping[str, list[str]], dialect: Dialect) -> dict[
 
 
 def _fitting_first(by_folder: Mapping[str, list[str]], patterns: Sequence[str]) -> dict[str, str]:
-    """Return what fits the first pattern that anything fits, and for what ``*`` in its last part stands."""
+    """Return what fits the first pattern that anything fits, and for what the first ``*`` beside a name stands.
+
+    Of ``*_images/*.png`` this is the name of a sequence, and the second ``*`` stands for the number of an image.
+    """
     for pattern in patterns:
         if fitting := _fitting(by_folder, pattern):
-            before, _, after = pattern.rpartition("/")[2].partition("*")
+            parts = pattern.split("/")
+            level = next((level for level, part in enumerate(parts) if "*" in part and part != "*"), len(parts) - 1)
+            before, _, after = parts[level].partition("*")
             return {
-                place: PurePosixPath(place).name.removeprefix(before).removesuffix(after).strip("_-. ")
+                place: place.split("/")[level].removeprefix(before).removesuffix(after).strip("_-. ")
                 if after and not set("*?[") & {*before, *after}
                 else ""
                 for place in _places(fitting)

@@ -323,6 +323,31 @@ def test_each_of_several_has_its_version_and_digest(tmp_path: Path) -> None:
     assert file_digest(folder / "b2").sha256 != before["b2"][1]
 
 
+def unpacked(sequence: str, frames: int) -> tuple[str, ...]:
+    """Return the files of a sequence of DSEC whose archives became folders of their names."""
+    pictures = (f"{sequence}_images_rectified_left/{number:06d}.png" for number in range(frames))
+    return (f"{sequence}_events_left/events.h5", f"{sequence}_image_timestamps.txt", *pictures)
+
+
+@pytest.mark.parametrize("name", ["named", "recognised"])
+def test_archives_that_became_folders_of_their_names(name: str, tmp_path: Path) -> None:
+    """Alone in a folder they are one sequence; those of several sequences are told apart by what precedes."""
+    dialect = load_dialect("dsec") if name == "named" else None
+    alone = touch(tmp_path / "thun_00_a", *unpacked("thun_00_a", 3))
+    assert sequences_in(alone, dialect) == (alone,)
+    several = touch(tmp_path / "all", *unpacked("thun_00_a", 3), *unpacked("thun_00_b", 2))
+    assert sequences_in(several, dialect) == (several / "thun_00_a", several / "thun_00_b")
+    for folder, frames in ((alone, 3), (several / "thun_00_a", 3), (several / "thun_00_b", 2)):
+        matched = matched_folder(folder, dialect)
+        assert matched is not None
+        assert {role: len(files.names) for role, files in matched.files.items()} == {
+            "events": 1,
+            "images": frames,
+            "image_times": 1,
+        }
+        assert all(folder.name in files.first.as_posix() for files in matched.files.values())
+
+
 DSEC_PARTS = ("train_events/a/events/left/events.h5", "train_images/a/images/left/rectified/000000.png")
 
 
