@@ -45,9 +45,10 @@ def is_folder(path: Path) -> bool:
 
 def part_folders(path: Path) -> tuple[Path, ...]:
     """Return the folders ``FOLDER/*/NAME`` for which ``FOLDER/NAME`` stands; none where it stands for other files."""
-    if os.path.lexists(path):
+    if os.path.lexists(path) or path.name.startswith("."):
         return ()
-    parts = tuple(part for part in _second_level(path.parent) if part.name == path.name)
+    within = (folder / path.name for folder in _folders_in(path.parent))
+    parts = tuple(part for part in within if part.is_dir() and not part.is_symlink())
     return parts if _FEWEST_PARTS <= len(parts) <= _MOST_PARTS else ()
 
 
@@ -58,7 +59,7 @@ def levels_above_files(folder: Path) -> int:
 
 def divided_names(folder: Path) -> tuple[str, ...]:
     """Return each NAME for which ``FOLDER/NAME`` stands for several folders ``FOLDER/*/NAME``."""
-    counts = Counter(part.name for part in _second_level(folder))
+    counts = Counter(part.name for within in _folders_in(folder) for part in _folders_in(within))
     return tuple(
         name
         for name in sorted(counts)
@@ -66,25 +67,14 @@ def divided_names(folder: Path) -> tuple[str, ...]:
     )
 
 
-def _second_level(folder: Path) -> list[Path]:
-    """Return the folders in the folders of a folder, without links, hidden folders, and those that cannot be listed."""
-    below: list[Path] = []
+def _folders_in(folder: Path) -> list[Path]:
+    """Return the folders in a folder by name, without links and hidden ones; none where it may not be listed."""
     try:
         with os.scandir(folder) as entries:
-            first = sorted(entry.path for entry in entries if _is_plain_folder(entry))
+            names = [entry.name for entry in entries if entry.is_dir(follow_symlinks=False)]
     except OSError:
         return []  # opening it raises the reason
-    for path in first:
-        try:
-            with os.scandir(path) as entries:
-                below += sorted(Path(entry.path) for entry in entries if _is_plain_folder(entry))
-        except OSError:
-            continue
-    return below
-
-
-def _is_plain_folder(entry: "os.DirEntry[str]") -> bool:
-    return not entry.name.startswith(".") and entry.name.isprintable() and entry.is_dir(follow_symlinks=False)
+    return [folder / name for name in sorted(names) if not name.startswith(".") and name.isprintable()]
 
 
 def root_of(path: Path) -> Path:
