@@ -29,9 +29,9 @@ def sequences_of(places: Sequence[Place], choice: "DialectChoice") -> tuple[Plac
 
     A folder that fits a dialect with files is one sequence. Where its files are those of several, each is meant, as
     ``FOLDER/NAME``, which names one of them as an argument as well; so is a sequence that is divided among folders
-    ``FOLDER/*/NAME``. Of another folder, every sequence below it is
-    meant: files of HDF5, and folders that fit; of a prefix of an object store, every HDF5 file. A folder without any
-    is returned as it is, so that its record states that no dialect fits.
+    ``FOLDER/*/NAME``. Of another folder, every sequence below it is meant: files of HDF5, and folders that fit; of a
+    prefix of an object store, every HDF5 file. A folder without any is returned as it is, so that its record states
+    that no dialect fits.
 
     Raises
     ------

@@ -57,9 +57,12 @@ class CompiledLens(NamedTuple):
     largest_radius: float
 
 
-@functools.cache
+@functools.lru_cache(maxsize=32)
 def compiled(lens: Lens | None) -> CompiledLens:
-    """Return a lens for compiled loops; None is a pinhole."""
+    """Return a lens for compiled loops; None is a pinhole.
+
+    The last results are kept: the domain of a lens is found by roots of a polynomial, and each fit of flow needs it.
+    """
     if lens is None:
         return CompiledLens(PINHOLE, np.zeros(5), np.inf)
     coefficients = np.zeros(5)
@@ -211,7 +214,7 @@ def distort(lens: CompiledLens, x: float, y: float) -> tuple[float, float]:
 
 @njit(cache=True, error_model="numpy")
 def imaged_at(K: Float64, lens: CompiledLens, X: float, Y: float, Z: float) -> tuple[float, float]:
-    """Return the column and row, px, at which one point in front of the camera is imaged; NaN for others.
+    """Return the column and row, px, at which a point is imaged; NaN behind the camera and where the lens images none.
 
     Parameters
     ----------
