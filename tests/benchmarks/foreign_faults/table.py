@@ -14,6 +14,7 @@ from tests.benchmarks.foreign_faults import (
 )
 from tests.benchmarks.foreign_faults.composites import both
 from tests.benchmarks.foreign_faults.eighth_round.kinds import EIGHTH_ROUND
+from tests.benchmarks.foreign_faults.eleventh_round.kinds import ELEVENTH_ROUND
 from tests.benchmarks.foreign_faults.fifth_round.kinds import FIFTH_ROUND
 from tests.benchmarks.foreign_faults.fourth_round.kinds import FOURTH_ROUND
 from tests.benchmarks.foreign_faults.inertial import ACCELEROMETER, GYRO
@@ -460,4 +461,5 @@ KINDS: Final = (
     *EIGHTH_ROUND,
     *NINTH_ROUND,
     *TENTH_ROUND,
+    *ELEVENTH_ROUND,
 )

@@ -20,7 +20,7 @@ MISREPORTED: Final = (3, 8)
 """Least and greatest number of poses in sequence that a tracker misreports."""
 
 
-def _attitudes(file: h5py.File) -> Rotation:
+def attitudes(file: h5py.File) -> Rotation:
     """Return the attitude at each sample of the IMU."""
     timestamps_us = file[POSE_TIME][...].astype(np.float64)
     instants_us = np.clip(file[IMU_TIME][...].astype(np.float64), timestamps_us[0], timestamps_us[-1])
@@ -35,7 +35,7 @@ def gravity_of_the_sensor(file: h5py.File, plan: Plan) -> None:
 def gravity_alone(file: h5py.File, plan: Plan) -> None:
     """The accelerometer measures gravity, and no acceleration."""
     upwards = [0.0, 0.0, float(file["metadata/imu"].attrs["gravity"])]
-    replace_values(file, ACCELEROMETER, _attitudes(file).inv().apply(upwards))
+    replace_values(file, ACCELEROMETER, attitudes(file).inv().apply(upwards))
 
 
 def velocity_differenced_in_the_body(file: h5py.File, plan: Plan) -> None:
@@ -44,7 +44,7 @@ def velocity_differenced_in_the_body(file: h5py.File, plan: Plan) -> None:
     velocity = np.gradient(file[POSITION][...], timestamps_us / 1e6, axis=0)
     instants_us = file[IMU_TIME][...].astype(np.float64)
     at = np.stack([np.interp(instants_us, timestamps_us, velocity[:, axis]) for axis in range(3)], axis=1)
-    transport = np.cross(file[GYRO][...], _attitudes(file).inv().apply(at))
+    transport = np.cross(file[GYRO][...], attitudes(file).inv().apply(at))
     replace_values(file, ACCELEROMETER, file[ACCELEROMETER][...] - transport)
 
 
