@@ -18,7 +18,7 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import why_not_comparable, why_not_one_centre
 from fedora_qa.views.depth_edges import DARK_DN, chosen_rows
 from fedora_qa.views.flow_intervals import interval_at
-from fedora_qa.views.frames import luma_dn
+from fedora_qa.views.frames import smoothed_luma_dn
 
 Bool = NDArray[np.bool_]
 Float32 = NDArray[np.float32]
@@ -225,7 +225,7 @@ def _colour_in_view(window: Window, row: int, frame: int) -> tuple[Float32, Bool
     cameras = window.facts.declared.cameras
     columns, rows, usable = colour_positions(window.depth_m(row), cameras["depth"], cameras["rgb"])
     sigma_px = _SIGMA_PX * max(1.0, cameras["rgb"].K[0, 0] / cameras["depth"].K[0, 0])
-    smoothed = window.derived_image(_smooth_luma_dn, frame, sigma_px)
+    smoothed = smoothed_luma_dn(window, frame, sigma_px)
     return read_between(smoothed, columns, rows), usable
 
 
@@ -270,10 +270,6 @@ def colour_positions(depth_m: Float32, depth: Camera, rgb: Camera) -> tuple[Floa
     usable &= ~hidden & (largest - smallest <= _STEP * largest)
     columns, rows = (np.where(np.isfinite(each), each, 0.0).astype(np.float32) for each in (x, y))
     return columns, rows, usable
-
-
-def _smooth_luma_dn(window: Window, frame: int, sigma_px: float) -> Float32:
-    return smooth(luma_dn(window, frame), sigma_px)
 
 
 def _pixels_in_view(window: Window, _: int) -> Float64:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.flow.warp import smooth
 from fedora_qa.estimators.images.luma import LUMA_WEIGHTS, cut_off, luma_of, luma_of_linear, luma_table, to_linear
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
 
@@ -51,6 +52,30 @@ def _luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
     # Linear values are rounded to single precision before they are weighted; views/warped_frames.py rounds after the
     # weighting only.
     return luma_of(window.rgb(frame), luma_table(to_linear(np.arange(256.0), transfer).astype(np.float32)))
+
+
+def smoothed_luma_dn(window: Window, frame: int, sigma_px: float) -> NDArray[np.float32]:
+    """Return the luma of a colour frame, smoothed by a Gaussian, for reading between pixels.
+
+    Parameters
+    ----------
+    window
+        A window of the sequence. It keeps the image.
+    frame
+        Row of the colour frame.
+    sigma_px
+        Standard deviation of the Gaussian, px.
+
+    Returns
+    -------
+    ndarray of float32
+        (H, W) DN, as ``read_between`` reads them.
+    """
+    return window.derived_image(_smoothed_luma_dn, frame, sigma_px)
+
+
+def _smoothed_luma_dn(window: Window, frame: int, sigma_px: float) -> NDArray[np.float32]:
+    return smooth(luma_dn(window, frame), sigma_px)
 
 
 def clipped(window: Window, frame: int) -> NDArray[np.bool_]:

@@ -16,7 +16,6 @@ from fedora_qa.estimators.flow.warp import (
     parts_about,
     read_between,
     read_parts,
-    smooth,
     smoothed_patches,
     smoothing_taps,
     taps_at_pixels,
@@ -29,7 +28,7 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_axes import AXES_AGREE, CENTRES_AGREE_M, why_not_one_lens
 from fedora_qa.views.flow_comparison import is_noisy
 from fedora_qa.views.flow_intervals import Interval, PoseTrack, frame_at, motion_over, pose_track
-from fedora_qa.views.frames import luma_dn
+from fedora_qa.views.frames import smoothed_luma_dn
 from fedora_qa.views.pixel_lattice import sample_field
 
 Float32 = NDArray[np.float32]
@@ -240,7 +239,7 @@ class FramePair:
             return np.asarray(
                 read_parts(rgb, _luma_of_codes(self.window.facts.declared.transfer), taps, parts, columns, rows)
             )
-        smoothed = self.window.derived_image(_smooth_luma_dn, frame, self.optics.sigma_px)
+        smoothed = smoothed_luma_dn(self.window, frame, self.optics.sigma_px)
         lines = (-1, columns.shape[-1])
         return read_between(smoothed, columns.reshape(lines), rows.reshape(lines)).reshape(columns.shape)
 
@@ -268,10 +267,6 @@ class FramePair:
         scale = H[2, 0] * columns + H[2, 1] * rows + H[2, 2]
         x, y = (((H[i, 0] * columns + H[i, 1] * rows + H[i, 2]) / scale).astype(np.float32) for i in range(2))
         return x, y
-
-
-def _smooth_luma_dn(window: Window, frame: int, sigma_px: float) -> Float32:
-    return smooth(luma_dn(window, frame), sigma_px)
 
 
 @cache

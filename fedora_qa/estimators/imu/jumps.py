@@ -124,12 +124,11 @@ def find_steps(times_ns: Int64, curve: SampledCurve, *, half_width: int, degree:
         weights, lower_weights = _step_weights(patterns, degree), _step_weights(patterns, degree - 2)
         sizes, lower_sizes = weighted_neighbours(curve, np.concatenate((weights, lower_weights)), centre, len(before))
         largest = _largest_step(before, sizes, len(times_ns))
-        squares = np.zeros_like(sizes)
-        for weights_of_residual in null_space(_polynomial_and_step(patterns, degree)[0].T).T[:, None]:
-            residuals, of_largest = (
-                weighted_neighbours(each, weights_of_residual, centre, len(before))[0] for each in (curve, largest)
-            )
-            squares += (residuals - of_largest) ** 2
+        basis_of_residuals = null_space(_polynomial_and_step(patterns, degree)[0].T).T
+        residuals, of_largest = (
+            weighted_neighbours(each, basis_of_residuals, centre, len(before)) for each in (curve, largest)
+        )
+        squares = ((residuals - of_largest) ** 2).sum(axis=0)
     else:
         stencils = stencils_of(times_ns, size)
         before, vectors = stencils[:, centre], curve.relative_vectors(stencils, centre)

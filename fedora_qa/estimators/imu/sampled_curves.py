@@ -19,6 +19,9 @@ Indices = NDArray[np.intp]
 _WIDEST_STEP: Final = 1.5
 """Stencils with a step wider than this many median steps are left out, as samples are missing there."""
 
+_BLOCK: Final = 4096
+"""Number of runs of neighbours that are weighted at once: their vectors fit into a few MB."""
+
 _NS_PER_US: Final = 1_000
 
 
@@ -163,12 +166,15 @@ def weighted_neighbours(curve: SampledCurve, weights: Float64, centre: int, coun
 
     Samples are taken relative to the one in column ``centre`` of each run.
     """
-    sums = np.zeros((len(weights), count, 3))
-    for column, weight in enumerate(weights.T):
-        lag = column - centre
-        if lag:
-            first, sign = (centre, 1.0) if lag > 0 else (column, -1.0)
-            sums += (sign * weight)[:, None, None] * curve.lagged_differences(abs(lag))[first : first + count]
+    sums = np.empty((len(weights), count, 3))
+    for begin in range(0, count, _BLOCK):
+        runs = slice(begin, min(begin + _BLOCK, count))
+        vectors = np.zeros((weights.shape[1], runs.stop - begin, 3))
+        for column in range(weights.shape[1]):
+            if lag := column - centre:
+                first, sign = (centre, 1.0) if lag > 0 else (column, -1.0)
+                vectors[column] = sign * curve.lagged_differences(abs(lag))[first + begin : first + runs.stop]
+        sums[:, runs] = np.tensordot(weights, vectors, 1)
     return sums
 
 
