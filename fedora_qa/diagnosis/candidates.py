@@ -60,6 +60,11 @@ class CauseCandidate:
         return max((hypothesis.support for hypothesis in self.evidence.values()), default=0.0)
 
     @property
+    def best_findings(self) -> tuple[str, ...]:
+        """The findings that support it most."""
+        return tuple(f for f, hypothesis in self.evidence.items() if hypothesis.support >= self.best_support)
+
+    @property
     def sized_by(self) -> str:
         """The finding that gives the size: with a magnitude, with an error, fair, of small error, well supported."""
         fair = _FAIR_FIT * max(hypothesis.support for hypothesis in self.evidence.values())

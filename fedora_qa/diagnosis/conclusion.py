@@ -74,6 +74,10 @@ _SET_BACK: Final = "clocks.order.backward_steps"
 _OF_TIMESTAMPS: Final = ("clocks.", "index_maps.")
 """Beginnings of the codes of findings about timestamps and what is computed of them alone."""
 
+_DOUBLED: Final = 2.0
+"""Ratio of a deviation to that without a trial from which undoing counts against a cause: a fault that is undone with
+the opposite sign is there twice."""
+
 FEWEST: Final = 20
 """Diagnoses from which the frequency of one cause is used: its standard error is then 0.11 at most. With fewer, that of
 all causes of the status is used."""
@@ -237,19 +241,23 @@ def is_conclusive(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
     codes
         Of all findings, by their id.
     """
-    if candidate.cause == "time_offset" and any(codes[finding] == _SET_BACK for finding in candidate.evidence):
-        # The clock was set within the file: timestamps before or behind that have no offset.
-        return False
-    if candidate.cause == "gyro_bias" and any(codes[finding] in _CHANGES for finding in candidate.evidence):
-        # The mean of a bias that walks is not the bias at any time.
+    if _has_other_mechanisms(candidate, codes):
         return False
     if any(h.support >= CERTAIN and is_of_stretch(codes[finding]) for finding, h in candidate.evidence.items()):
         # Undone everywhere, the rest deviates, and no stretch of time stands out.
         return False
-    best = (f for f, h in candidate.evidence.items() if h.support >= candidate.best_support)
-    return candidate.cause not in _MANY_MECHANISMS and not any(
-        is_local(codes[finding]) or is_declared(codes[finding]) for finding in best
-    )
+    return not any(is_local(codes[finding]) for finding in candidate.best_findings)
+
+
+def _has_other_mechanisms(candidate: CauseCandidate, codes: Mapping[str, str]) -> bool:
+    """Whether a cause has mechanisms that no trial of it undoes, be it in the right place."""
+    if candidate.cause == "time_offset" and any(codes[finding] == _SET_BACK for finding in candidate.evidence):
+        # The clock was set within the file: timestamps before or behind that have no offset.
+        return True
+    if candidate.cause == "gyro_bias" and any(codes[finding] in _CHANGES for finding in candidate.evidence):
+        # The mean of a bias that walks is not the bias at any time.
+        return True
+    return candidate.cause in _MANY_MECHANISMS or any(is_declared(codes[f]) for f in candidate.best_findings)
 
 
 def is_excluded(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
@@ -261,9 +269,29 @@ def is_excluded(candidate: CauseCandidate, codes: Mapping[str, str], trials: Tri
     trial = trials.get(candidate.key)
     if trial is None or not trial.fails or is_of_part(trial.fault):
         return False
-    # Of two faults in one file, undoing either leaves the findings of the other, which say nothing of it.
-    concerns_it = not trial.left or any(finding in trial.left for finding in candidate.evidence)
-    return concerns_it and is_conclusive(candidate, codes)
+    return _concerns(trial, candidate) and is_conclusive(candidate, codes)
+
+
+def is_refuted(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
+    """Whether a trial leaves nothing but a guess: undoing a cause of a place or of some time changes none of it.
+
+    The fault may hold elsewhere than it was undone. That is worth a name where a check is certain of the cause, and
+    nothing where it merely fits better than others.
+    """
+    trial = trials.get(candidate.key)
+    if trial is None or not trial.fails or has_evidence(candidate, codes, trials):
+        return False
+    if not _concerns(trial, candidate) or _has_other_mechanisms(candidate, codes):
+        return False
+    return is_of_part(trial.fault) or candidate.best_support < CERTAIN
+
+
+def _concerns(trial: UndoTrial, candidate: CauseCandidate) -> bool:
+    """Whether a trial that fails leaves any finding that the candidate would explain.
+
+    Of two faults in one file, undoing either leaves the findings of the other, which say nothing of it.
+    """
+    return not trial.left or any(finding in trial.left for finding in candidate.evidence)
 
 
 def is_scale_by_chance(candidate: CauseCandidate, trials: Trials) -> bool:
@@ -303,10 +331,10 @@ def _is_compared(trial: UndoTrial, codes: Mapping[str, str]) -> bool:
 
 
 def clears_by_chance(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial) -> bool:
-    """Whether what a trial clears is no evidence: no check proposes the cause well, and the same checks leave some.
+    """Whether what a trial clears is no evidence: it doubles more, or the same checks leave some of a weak cause.
 
     A fault changes what it has nothing to do with, and of several findings of one check, one just beyond its limit may
-    fall within it. A fault that is the cause takes all findings of such a check.
+    fall within it. A fault that is the cause takes all findings of such a check, and enlarges none.
 
     Parameters
     ----------
@@ -317,6 +345,8 @@ def clears_by_chance(candidate: CauseCandidate, codes: Mapping[str, str], trial:
     trial
         Of its fault.
     """
+    if 0 < len(trial.cleared) < sum(abs(ratio) >= _DOUBLED for ratio in trial.left.values()):
+        return True
     left = {check_of_code(codes[finding]) for finding in trial.left}
     cleared = {check_of_code(codes[finding]) for finding in trial.cleared}
     return candidate.best_support < FITS and bool(cleared) and cleared <= left

@@ -27,6 +27,7 @@ from fedora_qa.diagnosis.conclusion import (
     has_evidence,
     is_conclusive,
     is_excluded,
+    is_refuted,
     is_scale_by_chance,
     is_unit_by_chance,
     status_of,
@@ -81,6 +82,10 @@ _IN_ONE_DIRECTION: Final = frozenset({"spatial_offset", "intrinsics_centre", "ti
 _WHOLE_PX: Final = 0.5
 """Largest difference of a fitted shift from the one that was undone for the fitted one to be stated: that in whole
 pixels is rounded."""
+
+_MOSTLY: Final = 0.5
+"""Share of all findings, where each check counts once, that a guess must exceed to be first beside findings that no
+cause explains."""
 
 _VECTORS: Final = OF_COMPONENTS | {"teleport"}
 """Causes whose size is the length of a vector."""
@@ -194,7 +199,8 @@ def choose_causes(
     Returns
     -------
     tuple
-        In the order in which they were chosen, ``unknown`` last.
+        In the order in which they were chosen, those that are measured before those that are suggested; ``unknown``
+        last, or before a guess at the cause of no more than half of the findings.
     """
     where = {alarm.finding.id: alarm.finding.where for alarm in alarms}
     codes = {alarm.finding.id: alarm.finding.code for alarm in alarms}
@@ -207,6 +213,7 @@ def choose_causes(
         if not is_excluded(candidate, codes, trials)
         and not is_scale_by_chance(candidate, trials)
         and not is_unit_by_chance(candidate, codes, trials)
+        and not is_refuted(candidate, codes, trials)
     ]
     tested = {c.key: has_evidence(c, codes, trials) for c in candidates}
     # Unexplained support of each finding: the demand of the set cover.
@@ -267,6 +274,7 @@ def choose_causes(
     diagnoses: list[Diagnosis] = []
     explained: set[str] = set()
     measured: set[tuple[str, str]] = set()
+    guesses: set[tuple[str, str]] = set()
     # Greedy step of the weighted cover (Chvatal 1979): the cause that adds most support, counted by check. Among equal
     # ones the first counts, which is ranked higher without trials.
     while supported := [c for c in candidates if gain(c) >= _ENOUGH and (tested[c.key] or c.best_support >= FITS)]:
@@ -284,6 +292,8 @@ def choose_causes(
         is_by_chance = trial is not None and trial.cleared and trial.cleared.isdisjoint(prior[best.key].evidence)
         if status == "confirmed" or (status == "supported" and not is_by_chance):
             measured.add(best.key)
+        elif prior[best.key].best_support < CERTAIN:
+            guesses.add(best.key)
         if trial is not None and trial.cleared:
             magnitude = trial.size or _size_by_trial(best.cause, magnitude, trial.fault)
         diagnoses.append(
@@ -332,7 +342,7 @@ def choose_causes(
                 status="unidentified",
             )
         )
-    return _measured_first(diagnoses, measured)
+    return _guesses_last(_measured_first(diagnoses, measured), guesses, weights)
 
 
 def _measured_first(diagnoses: Sequence[Diagnosis], measured: Collection[tuple[str, str]]) -> tuple[Diagnosis, ...]:
@@ -344,6 +354,32 @@ def _measured_first(diagnoses: Sequence[Diagnosis], measured: Collection[tuple[s
     if not diagnoses or diagnoses[0].status != "suggested":
         return tuple(diagnoses)
     ordered = sorted(diagnoses, key=lambda each: (each.status != "confirmed", key_of(each) not in measured))
+    return tuple(replace(diagnosis, id=f"D{number}") for number, diagnosis in enumerate(ordered, 1))
+
+
+def _guesses_last(
+    diagnoses: Sequence[Diagnosis], guesses: Collection[tuple[str, str]], weights: Mapping[str, float]
+) -> tuple[Diagnosis, ...]:
+    """Return diagnoses, those without a cause first where the first one guesses a cause of no more than half.
+
+    One fault is likelier than two, and the cause that is guessed leaves findings which nothing explains.
+
+    Parameters
+    ----------
+    diagnoses
+        In order.
+    guesses
+        Causes, with their streams, that are suggested, and of which no check is certain.
+    weights
+        Of the findings: each check counts once.
+    """
+    unknown = [each for each in diagnoses if each.cause == UNKNOWN]
+    if not unknown or key_of(diagnoses[0]) not in guesses:
+        return tuple(diagnoses)
+    share = sum(weights[finding] for finding in diagnoses[0].explains) / sum(weights.values())
+    if round(share, 6) > _MOSTLY:
+        return tuple(diagnoses)
+    ordered = [*unknown, *(each for each in diagnoses if each.cause != UNKNOWN)]
     return tuple(replace(diagnosis, id=f"D{number}") for number, diagnosis in enumerate(ordered, 1))
 
 

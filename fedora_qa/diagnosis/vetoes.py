@@ -293,6 +293,12 @@ def _is_of_this_sequence(family: str, magnitude: float | None, results: Results,
     if family == "depth" and magnitude is not None:
         # Edges of the whole lie where those of the frames do, whatever a while of it holds.
         correlates = _passed(results.get("depth.consistency"))
+    if family == "events" and magnitude is None:
+        # Events of another sequence lie at no edges, wherever they are looked for. Frames that the flow contradicts as
+        # well are the odd ones.
+        at_edges = results.get("alignment.events")
+        correlates |= _passed(at_edges) or _failed(at_edges)
+        correlates |= _has_finding(results.get("flow_photometric.residual"), "flow_photometric.residual.unmatched")
     if of_frames and not while_apart:
         correlates |= _events_follow(results)
         # Events without a sign follow no frames, of whatever sequence.

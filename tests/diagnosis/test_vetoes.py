@@ -224,6 +224,25 @@ def test_events_that_follow_the_frames_in_part_are_of_their_sequence(
     assert not contradicts("other_sequence", "depth", None, results, {})
 
 
+@pytest.mark.parametrize("outcome", ["passed", "failed", "not_observable"])
+def test_events_at_edges_are_of_this_sequence(outcome: Outcome) -> None:
+    """Wherever the edges are; those of another sequence lie at none."""
+    results = {"alignment.events": Result("alignment.events", outcome, "")}
+    assert contradicts("other_sequence", "events", None, results, {}) == (outcome != "not_observable")
+    assert not contradicts("other_sequence", "rgb", None, results, {})
+    # A share of the time leaves edges in the rest.
+    assert not contradicts("other_sequence", "events", 20.0, results, {})
+
+
+@pytest.mark.parametrize("rule", ["unmatched", "gain"])
+def test_of_frames_and_events_the_frames_are_odd_where_flow_contradicts_them_too(rule: str) -> None:
+    """Flow that has another gain is at the places of the frames."""
+    finding = Finding("F1", f"flow_photometric.residual.{rule}", "error", "off", Where(stream="flow/10hz"))
+    results = {"flow_photometric.residual": Result("flow_photometric.residual", "failed", "", findings=(finding,))}
+    assert contradicts("other_sequence", "events", None, results, {}) == (rule == "unmatched")
+    assert not contradicts("other_sequence", "rgb", None, results, {})
+
+
 def test_events_of_one_polarity_say_nothing_of_their_sequence() -> None:
     """Without a sign they follow no frames."""
     finding = Finding("F1", "event_stream.bounds.one_polarity", "warning", "", Where(stream="events"))
