@@ -16,7 +16,7 @@ from fedora_qa.checks.depth.parameters import ResidualReduction
 from fedora_qa.checks.depth.range import RANGE_ROUNDING, DepthExtent
 from fedora_qa.checks.depth.scale import PathScale
 from fedora_qa.checks.integrity.finite import BESIDE_RANGE
-from fedora_qa.conventions import MM_PER_M
+from fedora_qa.conventions import MM_PER_M, NS_PER_MS
 from fedora_qa.diagnosis.hypothesis import (
     ANY_CAUSE,
     Hypothesis,
@@ -157,7 +157,7 @@ def propose_projection(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 def propose_consistency(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     """Return the hypotheses for ``depth.consistency``: transforms that remove the deviation, or misdeclared noise."""
-    of_pairs = _of_pairs(alarm)
+    of_pairs = _with_ring(_of_pairs(alarm), alarm, facts)
     if alarm.finding.code not in ("depth.consistency.pose_correction", "depth.consistency.worst_pose_correction"):
         return of_pairs
     ratio = only_feature(alarm.statistic.features, MotionCorrections).variance_ratio
@@ -171,6 +171,24 @@ def propose_consistency(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     if alarm.finding.code == "depth.consistency.pose_correction":
         return (of_all, any_pose, *of_pairs)
     return (*of_pairs, any_pose, of_worst)
+
+
+def _with_ring(hypotheses: tuple[Hypothesis, ...], alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return hypotheses with a ring of frames that is read from another one than the oldest beside a delay of a part.
+
+    All but those at its seam are late, or early, by whole frames.
+    """
+    clock, part = facts.clocks.get("depth"), frames_between(alarm)
+    delay = next((h for h in hypotheses if (h.cause, h.stream) == ("time_offset", "depth")), None)
+    if clock is None or part is None or delay is None or not delay.magnitude:
+        return hypotheses
+    steps_ns = np.diff(clock.times_ns[clock.advancing])
+    frames = abs(round(NS_PER_MS * delay.magnitude / float(np.median(steps_ns)))) if len(steps_ns) else 0
+    strength = support("depth.ring_of_frames") * delay.support
+    if not frames or any(h.cause == "swapped_frames" and h.support >= strength for h in hypotheses):
+        return hypotheses
+    ring = Hypothesis("swapped_frames", "depth", strength, float(frames), "samples")
+    return (*(h for h in hypotheses if h.cause != "swapped_frames"), ring)
 
 
 def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:

@@ -78,10 +78,20 @@ def _displaced_frames(fit: FittedCause) -> list[RowRange]:
     return list(dict.fromkeys((each.first, each.stop) for each in runs if each is not None))
 
 
+def _parts_of_frames(fit: FittedCause) -> list[RowRange]:
+    """Return the frames of depth or colour that may have a fault for a while."""
+    match fit.stream:
+        case "depth":
+            return parts_of_depth(fit)
+        case "rgb":
+            return _displaced_frames(fit)
+        case _:
+            return []
+
+
 def _delayed_frames(fit: FittedCause) -> Faults:
     """Yield frames that hold the values of others, where the offset is one of whole frames."""
-    parts = {"depth": parts_of_depth, "rgb": _displaced_frames}.get(fit.stream, lambda _: [])(fit)
-    clock = fit.facts.clocks.get(fit.stream)
+    parts, clock = _parts_of_frames(fit), fit.facts.clocks.get(fit.stream)
     if clock is None or not parts:
         return
     steps_ns = np.diff(clock.times_ns[clock.advancing])
@@ -110,8 +120,9 @@ def _are_mostly_off(fit: FittedCause) -> bool:
 
 
 def exchanged_frames(fit: FittedCause) -> Faults:
-    """Yield the frames at both ends of what is out of order as exchanged; then all in another order.
+    """Yield the frames at both ends of what is out of order as exchanged, then those of a ring, then all.
 
+    A ring that is read from another frame than the oldest moves its frames by the fitted distance, in either direction.
     Frames that were listed by names without leading zeros are in the order of text, and two makers of frames that take
     turns exchange neighbours.
     """
@@ -133,6 +144,11 @@ def exchanged_frames(fit: FittedCause) -> Faults:
     for first, last in dict.fromkeys(pairs):
         if first < last < count:
             yield row_order.SwappedFrames(fit.stream, ((first, last),))
+    distance = round(abs(fit.size))
+    for start, stop in _parts_of_frames(fit):
+        if 0 < distance < (count if stop is None else stop) - start:
+            yield row_order.RotatedFrames(fit.stream, (start, stop), -distance)
+            yield row_order.RotatedFrames(fit.stream, (start, stop), distance)
     if _are_mostly_off(fit):
         for first_number in (0, 1):
             by_names = name_order.FramesInOrderOfNames(fit.stream, first_number)

@@ -204,6 +204,52 @@ class SwappedFrames:
 
 
 @dataclass(frozen=True, slots=True)
+class RotatedFrames:
+    """Frames of a range of rows are in the order of a ring buffer that is read from another frame than the oldest.
+
+    All frames are there; their timestamps stay.
+
+    Attributes
+    ----------
+    stream
+        Of images.
+    rows
+        The frames of the ring.
+    frames
+        Number of rows by which values are late; those that leave the range at its end are at its beginning.
+    """
+
+    stream: str
+    rows: RowRange
+    frames: int
+    cause: ClassVar[str] = "swapped_frames"
+
+    @property
+    def magnitude(self) -> float:
+        """Largest distance of a value from its row, samples."""
+        start, stop = self.rows
+        return abs(self.frames) if stop is None else max(abs(self.frames), stop - start - abs(self.frames))
+
+    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Rotate the values of the range."""
+        return self._rotated(facts, self.frames, f"{self.stream} frames are in the order of a ring")
+
+    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
+        """Rotate them back."""
+        until = "the end" if self.rows[1] is None else self.rows[1] - 1
+        description = f"{self.stream} of rows {self.rows[0]} to {until} rotated by {-self.frames} frames"
+        return self._rotated(facts, -self.frames, description)
+
+    def _rotated(self, facts: Facts, frames: int, description: str) -> Fault:
+        rows = {}
+        for key in value_keys(facts, self.stream):
+            source = np.arange(facts.sizes[key])
+            source[slice(*self.rows)] = np.roll(source[slice(*self.rows)], frames)
+            rows[key] = rows_from(_looked_up(source), len(source))
+        return Fault(description, rows)
+
+
+@dataclass(frozen=True, slots=True)
 class DelayedFrames:
     """Frames of a range of rows hold the values of other frames, some rows before or after them.
 

@@ -132,7 +132,7 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
         **_every("interpolated_pose", WithoutInverse("The poses between those of the lower rate are not stored.")),
         **_every("noise_misdeclared", (declarations.NoiseMisdeclared,)),
         **_every("frozen_frames", WithoutInverse("The values that were not written are not stored.")),
-        **_every("swapped_frames", (row_order.SwappedFrames, name_order.FramesInOrderOfNames)),
+        **_every("swapped_frames", (row_order.SwappedFrames, row_order.RotatedFrames, name_order.FramesInOrderOfNames)),
         **_every("other_sequence", WithoutInverse("The stream of this sequence is not in the file.")),
         **_every("channel_order", (images.ChannelOrder,)),
         **_every(

@@ -72,6 +72,7 @@ MECHANICAL: Final[Mapping[type[Any], _Reason]] = MappingProxyType(
         row_order.DuplicatedSamples: _MECHANICAL,
         row_order.Unsorted: _MECHANICAL,
         row_order.SwappedFrames: _MECHANICAL,
+        row_order.RotatedFrames: _MECHANICAL,
         name_order.FramesInOrderOfNames: _MECHANICAL,
         row_order.DelayedFrames: "Frames that the values of others have replaced are lost; export them again.",
         index_maps.IndexShift: _MECHANICAL,

@@ -2,15 +2,18 @@
 
 from typing import Final, get_args
 
+import numpy as np
 import pytest
 
 from fedora_qa.checks.depth.consistency import MotionCorrections, PairsOff
 from fedora_qa.checks.depth.parameters import ResidualReduction
 from fedora_qa.checks.depth.range import DepthExtent
 from fedora_qa.checks.depth.scale import PathScale
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.record.types import Where
 from fedora_qa.views.depth_conventions import DepthTrial, Extent, PairTrials, Transform
+from tests.support.memory_sequence import facts_of, memory_sequence
 from tests.support.proposals import named, proposed
 
 RANGE_M: Final = (0.1, 100.0)
@@ -192,6 +195,23 @@ def test_pairs_next_to_each_other_that_nothing_explains_are_of_another_sequence(
     hypotheses = proposed("depth.consistency.frame", PairsOff(6, 50, 0), pairs, stream="depth", where=where)
     other = [h for h in hypotheses if h.cause == "other_sequence" and h.support > NO_CAUSE_OF_ITS_OWN]
     assert [(h.stream, h.magnitude, h.unit) for h in other] == [("depth", 12.0, "percent")] * is_other
+
+
+@pytest.mark.parametrize(("periods", "last", "sizes"), [(-2.0, 4, [2.0]), (0.2, 4, []), (-2.0, 2, [])])
+def test_frames_of_a_part_that_are_late_by_whole_frames_may_be_a_ring(
+    periods: float, last: int, sizes: list[float]
+) -> None:
+    """That holds two frames at least; a delay is likelier."""
+    facts = facts_of(memory_sequence())
+    period_ms = float(np.median(np.diff(facts.clocks["depth"].times_ns))) / NS_PER_MS
+    where = Where(stream="depth", index_start=1, index_stop=last + 1)
+    pairs = PairTrials(1, (trial("clock_offset", 1.0, periods * period_ms),))
+    features = PairsOff(last - 1, 6, 0), pairs
+    hypotheses = proposed("depth.consistency.frame", *features, stream="depth", where=where, facts=facts)
+    (delay,) = (h for h in hypotheses if (h.cause, h.stream) == ("time_offset", "depth"))
+    ring = [h for h in hypotheses if h.cause == "swapped_frames" and h.support > NO_CAUSE_OF_ITS_OWN]
+    assert [h.magnitude for h in ring] == sizes
+    assert all(h.support == 0.5 * delay.support for h in ring)
 
 
 def test_a_part_of_the_image_is_a_fault_of_depth() -> None:

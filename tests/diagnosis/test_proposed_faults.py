@@ -29,7 +29,7 @@ from fedora_qa.faults.motion import AngleSense, QuaternionOrder
 from fedora_qa.faults.mountings import MountingLeverArm, MountingRotation
 from fedora_qa.faults.name_order import FramesInOrderOfNames
 from fedora_qa.faults.pixels import PixelShift
-from fedora_qa.faults.row_order import DelayedFrames, SwappedFrames
+from fedora_qa.faults.row_order import DelayedFrames, RotatedFrames, SwappedFrames
 from fedora_qa.faults.table import faults_of
 from fedora_qa.faults.units import AngleUnit, FlowGain, LengthUnit
 from fedora_qa.features import Feature
@@ -648,6 +648,15 @@ def test_frames_are_put_in_the_order_of_their_numbers_where_their_text_has_anoth
     for stream, shown in (("depth", few), ("rgb", of_events)):
         others = faults_for("swapped_frames", stream, 1.0, [shown], {}, facts)
         assert not any(isinstance(fault, FramesInOrderOfNames) for fault in others)
+
+
+def test_frames_of_a_part_are_undone_as_a_ring_by_the_fitted_distance() -> None:
+    """In both directions, before neighbours are exchanged; a distance beyond the part is none of its frames."""
+    facts = facts_of(memory_sequence())
+    first, second, *_ = faults_for("swapped_frames", "depth", 1.0, [of_pairs(1, 4)], {}, facts)
+    assert (first, second) == (RotatedFrames("depth", (2, 4), -1), RotatedFrames("depth", (2, 4), 1))
+    too_far = faults_for("swapped_frames", "depth", 2.0, [of_pairs(1, 4)], {}, facts)
+    assert not any(isinstance(fault, RotatedFrames) for fault in too_far)
 
 
 def test_frames_at_both_ends_of_what_is_out_of_order_are_exchanged_first() -> None:

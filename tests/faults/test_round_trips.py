@@ -57,7 +57,7 @@ from fedora_qa.faults.motion import (
 from fedora_qa.faults.mountings import CameraAxes, InvertedMounting, MountingLeverArm, MountingRotation, MountingUnit
 from fedora_qa.faults.name_order import FramesInOrderOfNames
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
-from fedora_qa.faults.row_order import DelayedFrames, DuplicatedSamples, SwappedFrames, Unsorted
+from fedora_qa.faults.row_order import DelayedFrames, DuplicatedSamples, RotatedFrames, SwappedFrames, Unsorted
 from fedora_qa.faults.sorted_clock import ClockSetBackAndSorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.faults.units import LENGTHS, AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
@@ -147,6 +147,7 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(DuplicatedSamples, st.sampled_from(TIMED[:5]), st.integers(0, 3), few_or_all, st.booleans()), exact),
     (st.builds(DuplicatedSamples, flows), exact),
     (st.builds(SwappedFrames, st.sampled_from(["rgb", "depth", "flow/50hz"]), st.just(((0, 2), (1, 3)))), exact),
+    (st.builds(RotatedFrames, images, st.sampled_from([(0, 3), (1, 5), (2, None)]), st.integers(-3, 3)), exact),
     (st.builds(FramesInOrderOfNames, st.sampled_from(["rgb", "depth", "flow/50hz"]), st.integers(0, 9)), exact),
     (st.builds(DelayedFrames, st.sampled_from([1, -1]), st.just(20.0), st.just((2, 5))), kept),
     (st.builds(IndexShift, st.sampled_from(MAPS), st.integers(-9, 9), ranges), exact),

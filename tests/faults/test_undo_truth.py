@@ -40,7 +40,7 @@ from fedora_qa.faults.motion import (
 )
 from fedora_qa.faults.name_order import FramesInOrderOfNames
 from fedora_qa.faults.pixels import Mirroring, PixelShift, PolarityInversion, SwappedPixelAxes
-from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
+from fedora_qa.faults.row_order import DuplicatedSamples, RotatedFrames, SwappedFrames, Unsorted
 from fedora_qa.faults.units import AngleUnit, FlowGain, FlowSign, FlowUnit, LengthUnit
 from tests.support.memory_sequence import (
     EVENT_HEIGHT,
@@ -239,6 +239,8 @@ EXACT: list[Truth] = [
     (Unsorted("imu", 0, 2, timestamps_only=True), on(lambda t: t[[1, 0, *range(2, 101)]], "path/imu/ts")),
     (DuplicatedSamples("imu"), packet_twice),
     (SwappedFrames("depth", ((1, 4),)), on(lambda images: images[[0, 4, 2, 3, 1, 5]], "path/depth")),
+    (RotatedFrames("depth", (1, 5), -1), on(lambda images: images[[0, 2, 3, 4, 1, 5]], "path/depth")),
+    (RotatedFrames("depth", (2, None), 1), on(lambda images: images[[0, 1, 5, 2, 3, 4]], "path/depth")),
     # Numbers 8, 9, 10 to 13 as text: 10, 11, 12, 13, 8, 9.
     (FramesInOrderOfNames("depth", 8), on(lambda images: images[[2, 3, 4, 5, 0, 1]], "path/depth")),
     (IndexShift("rgb_to_event", 1), on(lambda index: index + 1, "metadata/rgb_to_event")),

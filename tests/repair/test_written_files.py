@@ -21,7 +21,7 @@ from fedora_qa.faults.intrinsics import IntrinsicsOfAnotherImage, PrincipalPoint
 from fedora_qa.faults.motion import AngleOrder, AngleSense, PoseInversion
 from fedora_qa.faults.mountings import InvertedMounting, MountingUnit
 from fedora_qa.faults.name_order import FramesInOrderOfNames
-from fedora_qa.faults.row_order import DuplicatedSamples, SwappedFrames, Unsorted
+from fedora_qa.faults.row_order import DuplicatedSamples, RotatedFrames, SwappedFrames, Unsorted
 from fedora_qa.faults.sorted_clock import ClockSetBackAndSorted
 from fedora_qa.faults.table import FAULTS, WithoutInverse
 from fedora_qa.layout.canonical import DATASETS
@@ -108,7 +108,7 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     classes = {each for entry in FAULTS.values() if not isinstance(entry, WithoutInverse) for each in entry}
     assert set(MECHANICAL) == classes
     # Tests of their own: below, and in ``test_repair``.
-    beside = {ClockSetBackAndSorted, SwappedFrames, FramesInOrderOfNames, TransferMisdeclared, IndexSide,
+    beside = {ClockSetBackAndSorted, SwappedFrames, RotatedFrames, FramesInOrderOfNames, TransferMisdeclared, IndexSide,
               NoiseMisdeclared, PoseInversion, MountingUnit, AngleOrder, AngleSense, ForceSign, GravityAlongBody,
               TransposedIntrinsics, PrincipalPointFromMiddle, IntrinsicsOfAnotherImage, InvertedMounting}  # fmt: skip
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
@@ -186,6 +186,17 @@ def test_exchanged_frames_return(clean: Path, tmp_path: Path) -> None:
         file["path/depth"][3], file["path/depth"][5] = file["path/depth"][5], file["path/depth"][3]
     result = repaired(faulty, SwappedFrames("depth", ((3, 5),)))
     assert [(each.path, each.rows) for each in result.datasets] == [("path/depth", 2)]
+    require_equal(tmp_path / "repaired.h5", clean)
+
+
+def test_frames_of_a_ring_return_to_their_order(clean: Path, tmp_path: Path) -> None:
+    """The ring was read from its second frame on."""
+    faulty = tmp_path / "faulty.h5"
+    faulty.write_bytes(clean.read_bytes())
+    with h5py.File(faulty, "r+") as file:
+        file["path/depth"][3:6] = file["path/depth"][()][[4, 5, 3]]
+    result = repaired(faulty, RotatedFrames("depth", (3, 6), -1))
+    assert [(each.path, each.rows) for each in result.datasets] == [("path/depth", 3)]
     require_equal(tmp_path / "repaired.h5", clean)
 
 
