@@ -6,7 +6,7 @@
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
 #   make bench-flow   what reading frames between pixels costs, and how far it errs: docs/flow-interpolation.md
 #   make bench-files  what checking files of 1440x1080 takes, against decoding them: docs/full-size.md; three quarters of an hour, 10 GB
-#   make bench-releases what releases of known length cost to check: docs/release-costs.md; half an hour, 10 GB
+#   make bench-releases what releases of known length cost to check: docs/release-costs.md; an hour, 12 GB
 #   make bench-readings how many events are read, against time and limits: docs/event-readings.md
 #   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour

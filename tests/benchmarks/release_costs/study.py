@@ -31,7 +31,7 @@ TARGET: Final = ROOT / "docs" / "release-costs.md"
 KEPT: Final = ROOT / "out" / "dsec-like"
 EFFORTS: Final[tuple[Effort, ...]] = ("quick", "standard", "full")
 FILE_LENGTHS_S: Final = (4.0, 8.0)
-FOLDER_LENGTHS_S: Final = (2.0, 4.0)
+FOLDER_LENGTHS_S: Final = (4.0, 20.0)
 TURNS: Final = 3
 
 DSEC_RATES: Final = RateOptions(frames_hz=20.0, depth_hz=50.0, flow_hz=(10.0,))
