@@ -305,7 +305,7 @@ def propose_validity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         else:
             causes = (("invalid_encoding", "flow", support("flow_geometry.encoding_of_flow")),
                       ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip
-            if 2 * values.alike <= values.unfounded:  # flow that varies, so it was generated from a depth
+            if 2 * values.fills <= values.unfounded:  # flow that varies, so it was generated from a depth
                 factor = support("flow_geometry.encoding_of_varied_flow")
                 causes = (("nan_in_stream", "depth", support("flow_geometry.lost_depth")),
                           *((cause, stream, factor * weight) for cause, stream, weight in causes))  # fmt: skip

@@ -167,9 +167,12 @@ def propose_continuity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             case PairedSteps(arm_body_m, standard_error_m):
                 length_m, paired = signed_length(arm_body_m), support("pose.paired_steps")
                 transforms.append(Hypothesis("lever_arm", "pose", paired, length_m, "m", standard_error_m))
-    # A jump that a transform, a lever arm or a repeated pose explains is not a jump of the body itself.
+    # A jump that a transform, a lever arm, a repeated pose or a wrong length explains is not a jump of the body itself.
     beside_repeats = any(isinstance(f, PoseJump) and f.beside_repeated_samples for f in statistic.features)
-    explained = bool(transforms) or beside_repeats
+    lengths: tuple[Hypothesis, ...] = ()
+    if any(isinstance(f, PoseJump) and f.beside_wrong_lengths for f in statistic.features):
+        lengths = (Hypothesis("quaternion_not_unit", "pose", support("pose.jump_at_wrong_lengths")),)
+    explained = bool(transforms or lengths) or beside_repeats
     repeats = support("pose.jump_at_repeats" if beside_repeats else "pose.jump_without_repeats")
     teleport = support("pose.jump_explained" if explained else "pose.jump")
     # A teleport has a length; a jump of the orientation has none.
@@ -177,6 +180,7 @@ def propose_continuity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     return (
         *of_timestamps,
         *transforms,
+        *lengths,
         Hypothesis("frozen_frames", "pose", repeats),
         Hypothesis(
             "teleport",

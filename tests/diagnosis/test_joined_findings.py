@@ -25,7 +25,7 @@ def alarm(finding: str, code: str, *features: Feature) -> Alarm:
 
 
 def wrong_values(unfounded: int, missing: int) -> WrongFlowValues:
-    return WrongFlowValues(frozenset({"flow/50hz"}), unfounded, missing, alike=0, behind=0, deep=True)
+    return WrongFlowValues(frozenset({"flow/50hz"}), unfounded, missing, fills=0, behind=0, deep=True)
 
 
 @pytest.mark.parametrize(("percent", "is_black"), [(-98.0, True), (-60.0, False), (4000.0, False)])

@@ -46,9 +46,9 @@ class FieldPattern:
         Of the field.
     frame
         Row of the depth frame at its start.
-    unfounded, unfounded_zero, unfounded_alike, behind
-        Numbers of values without a valid static point; of those that are zero; of those that equal their median; and of
-        those whose point is behind the camera.
+    unfounded, unfounded_zero, unfounded_fills, behind
+        Numbers of values without a valid static point; of those that are zero; of those that are no displacement; and
+        of those whose point is behind the camera.
     deep
         Whether the depths of the points behind the camera, or of all points where none are, are plausible.
     infinite, missing
@@ -63,7 +63,7 @@ class FieldPattern:
     frame: int
     unfounded: int
     unfounded_zero: int
-    unfounded_alike: int
+    unfounded_fills: int
     behind: int
     deep: bool
     infinite: int
@@ -82,8 +82,9 @@ class WrongFlowValues(Feature):
         Rates with pixels that the statistic counts.
     unfounded, missing
         Numbers of values without a valid point, and of valid depths without a value.
-    alike, behind
-        Numbers of unfounded values that equal their field's median, and of those behind the camera.
+    fills, behind
+        Numbers of unfounded values that are no displacement, because they equal their field's median or are longer than
+        the diagonal of the image, and of those behind the camera.
     deep
         Whether the depths of the unfounded values are plausible in every field.
     part
@@ -96,7 +97,7 @@ class WrongFlowValues(Feature):
     streams: frozenset[str]
     unfounded: int
     missing: int
-    alike: int
+    fills: int
     behind: int
     deep: bool
     part: Region | None = None
@@ -205,7 +206,7 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
                     streams=frozenset(pattern.interval.stream for pattern in wrong),
                     unfounded=sum(p.unfounded for p in unfounded),
                     missing=sum(p.missing for p in missing),
-                    alike=sum(p.unfounded_alike for p in unfounded),
+                    fills=sum(p.unfounded_fills for p in unfounded),
                     behind=sum(p.behind for p in unfounded),
                     deep=all(pattern.deep for pattern in unfounded),
                     part=union_of([pattern.part for pattern in patterns if pattern.part is not None]),
@@ -275,9 +276,14 @@ def _count_wrong_pixels(
             before, behind = still & (Z1_m > margin_m), still & (Z1_m < -margin_m)
     unfounded |= present & behind
     missing &= before
-    # With a fill value most values equal their median; in a flow hardly any do.
-    values_px = flow_px[unfounded]
-    alike = int(np.count_nonzero(np.all(values_px == np.median(values_px, axis=0), axis=1))) if len(values_px) else 0
+    # Most fills equal their median, which hardly any values of a flow do. Or they displace no point within the image,
+    # as unknown flow in Middlebury's files.
+    values_px, fills = flow_px[unfounded], 0
+    if len(values_px):
+        equal = np.all(values_px == np.median(values_px, axis=0), axis=1)
+        # In float64: the square of 1e30 overflows float32.
+        beyond = np.linalg.norm(values_px.astype(np.float64), axis=1) > np.hypot(*depth_m.shape)
+        fills = int(np.count_nonzero(equal | beyond))
     wrong = unfounded | missing
     first, part = None, None
     if wrong.any():
@@ -290,7 +296,7 @@ def _count_wrong_pixels(
         frame,
         unfounded=int(np.count_nonzero(unfounded)),
         unfounded_zero=int(np.count_nonzero(unfounded & (u == 0) & (v == 0))),
-        unfounded_alike=alike,
+        unfounded_fills=fills,
         behind=int(np.count_nonzero(present & behind)),
         deep=not valid.any() or depths_plausible(window.facts, depth_m[behind if behind.any() else valid]),
         infinite=int(np.count_nonzero(np.isinf(u) | np.isinf(v))),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
+from fedora_qa.checks.pose.orientation import length_bound
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.fitting.robust import sensitivity_range
 from fedora_qa.estimators.imu.conventions import signed_permutations
@@ -94,9 +95,12 @@ class PoseJump(Feature):
     ----------
     beside_repeated_samples
         Whether its estimate depends on poses that equal the one before, or whose position or orientation does.
+    beside_wrong_lengths
+        Whether it is one of the orientation, and depends on quaternions of wrong length where most are of unit length.
     """
 
     beside_repeated_samples: bool
+    beside_wrong_lengths: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,6 +236,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
         if unusable or len(poses.times_ns) < _FEWEST_POSES:
             return Observation(coverage, unobservable=unusable or f"fewer than {_FEWEST_POSES} poses")
         frozen_rows, of_timestamps = frozen_poses(poses), timestamp_defects(facts, "pose")
+        odd_rows = _rows_of_wrong_length(poses.orientations_xyzw, facts)
         values_of_kind = {"position": poses.positions_world_m, "rotation": poses.orientations_xyzw}
         model = facts.declared.pose or PoseModel()
         measurements: list[Statistic] = []
@@ -276,6 +281,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
             values = values_of_kind[name]
             held_rows = repeated_samples(values, roundings=[stored_resolution(values)])
             beside_repeats = bool(np.any(np.abs(np.union1d(frozen_rows, held_rows) - before) <= _WIDEST_REACH))
+            beside_lengths = name == "rotation" and bool(np.any(np.abs(odd_rows - before) <= _WIDEST_REACH))
             measurements.append(
                 Statistic(
                     name=f"{name}_jump",
@@ -289,7 +295,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                     statement=f"The {name} jumps by {abs(size):.4g} {unit} within one step.",
                     code=f"pose.continuity.{name}",
                     where=location_of(facts, "pose", int(poses.times_ns[before]), int(poses.times_ns[before + 1])),
-                    features=(*of_timestamps, *transforms, PoseJump(beside_repeats)),
+                    features=(*of_timestamps, *transforms, PoseJump(beside_repeats, beside_lengths)),
                 )
             )
 
@@ -328,6 +334,16 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                 )
             )
         return Observation(coverage, tuple(measurements))
+
+
+def _rows_of_wrong_length(orientations_xyzw: Float64, facts: Facts) -> NDArray[np.intp]:
+    """Return the indices of quaternions (P, 4) that are not of unit length; none where most are not.
+
+    Components of which some are wrong give another length and another rotation. A length that all share gives none.
+    """
+    errors = np.abs(np.linalg.norm(orientations_xyzw, axis=1) - 1.0)
+    rows = np.flatnonzero(errors > length_bound(facts, stored_resolution(orientations_xyzw)).of_rounding)
+    return rows if 2 * len(rows) <= len(errors) else rows[:0]
 
 
 def _partner(steps: StepEstimates, sigma_m: float, row: int) -> int | None:

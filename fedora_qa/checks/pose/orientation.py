@@ -124,9 +124,7 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
         if not state:
             return Observation(coverage, unobservable="the stream is empty")
         worst = max(state, key=lambda norms: abs(norms.worst))
-        step = facts.steps.get("path/pose/orientation", StoredStep())
-        by_steps = float(np.linalg.norm([step.component(i).size for i in range(4)])) / 2
-        by_type = 4.0 * max(norms.resolution for norms in state)
+        bound = length_bound(facts, max(norms.resolution for norms in state))
         with_not_finite = [norms for norms in state if norms.not_finite]
         count = sum(norms.not_finite for norms in with_not_finite)
         return Observation(
@@ -137,12 +135,11 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
                     value=worst.worst,
                     unit="1",
                     standard_error=0.0,
-                    # Four units in the last place, and the step (derivations in the class docstring).
-                    model_error_bound=by_type + min(by_steps, _LARGEST_ROUNDING),
+                    model_error_bound=bound.of_noise,
                     statement=f"A quaternion has the length {1 + worst.worst:.9g} (row {worst.worst_row}); expected 1.",
                     code="pose.orientation.length",
                     where=_row(facts, worst.worst_row),
-                    features=(RoundedComponents(by_type + by_steps),),
+                    features=(RoundedComponents(bound.of_rounding),),
                 ),
                 count_of_faults(
                     "not_finite",
@@ -154,6 +151,39 @@ class PoseOrientation(WindowCheck[QuaternionNorms]):
                 ),
             ),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class LengthBound:
+    """Largest error of the length of a correct quaternion.
+
+    Attributes
+    ----------
+    of_noise
+        By rounding, as far as rounding is noise and no fault by itself.
+    of_rounding
+        By rounding to any step.
+    """
+
+    of_noise: float
+    of_rounding: float
+
+
+def length_bound(facts: Facts, resolution: float) -> LengthBound:
+    """Return the largest error of the length of a correct quaternion (derivation in ``PoseOrientation``).
+
+    Parameters
+    ----------
+    facts
+        With the steps of the components.
+    resolution
+        Spacing of the stored numbers at the largest component.
+    """
+    step = facts.steps.get("path/pose/orientation", StoredStep())
+    by_steps = float(np.linalg.norm([step.component(i).size for i in range(4)])) / 2
+    # Four units in the last place.
+    by_type = 4.0 * resolution
+    return LengthBound(by_type + min(by_steps, _LARGEST_ROUNDING), by_type + by_steps)
 
 
 def _row(facts: Facts, row: int) -> Where:

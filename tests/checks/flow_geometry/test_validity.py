@@ -70,6 +70,16 @@ def test_values_in_holes_are_counted_and_placed() -> None:
     assert (hypothesis.cause, hypothesis.stream) == ("invalid_encoding", "flow")
 
 
+def test_values_that_lead_out_of_any_image_are_an_encoding() -> None:
+    """Varied values longer than the diagonal were made of no depth: they are what stands for unknown flow."""
+    random = np.random.default_rng(0)
+    filled = clean().with_flow(
+        lambda _, flow: np.where(np.isnan(flow), random.uniform(1000, 1100, flow.shape), flow).astype(flow.dtype)
+    )
+    hypothesis = most_probable_cause(alarm_of(judged(FlowGeometryValidity(), filled), "unfounded"))
+    assert (hypothesis.cause, hypothesis.stream) == ("invalid_encoding", "flow")
+
+
 def test_flow_where_a_depth_was_lost_is_no_encoding() -> None:
     """Values that differ from pixel to pixel were made of a depth: that has lost its own, and flow is as it was."""
     depth = clean().rows_by_key["path/depth"].copy()

@@ -75,6 +75,24 @@ def test_a_jump_is_found_to_size_and_place(path: Path, noise: object, jump_m: fl
     assert diagnosis.magnitude == pytest.approx(jump_m, rel=0.25 if noise is NOISY else 1e-3)
 
 
+def jump_cause(file: MotionFile, orientations_xyzw: np.ndarray, path: Path) -> str:
+    """Return the cause of the only jump, which is one of the orientation."""
+    file.altered(orientations_xyzw=orientations_xyzw).write(path)
+    assert rules(run_check(path, "pose.continuity")) == ["rotation"]
+    return diagnoses_of(path, "pose.continuity")[0].cause
+
+
+def test_a_wrong_component_of_one_quaternion_is_no_teleport(path: Path) -> None:
+    """It turns the pose and changes the length. A length that all poses share turns none."""
+    file = MotionFile(sample_motion())
+    q = file.samples.orientations_xyzw.copy()
+    q[200, np.argmin(np.abs(q[200]))] += 0.2
+    assert jump_cause(file, q, path) == "quaternion_not_unit"
+    turned = (Rotation.from_quat(file.samples.orientations_xyzw) * Rotation.from_euler("x", 2, degrees=True)).as_quat()
+    q = 1.01 * np.concatenate([file.samples.orientations_xyzw[:200], turned[200:]])
+    assert jump_cause(file, q, path) == "teleport"
+
+
 def test_what_is_below_the_noise_is_not_seen_and_said(path: Path) -> None:
     """A jump of 2 mm in 5 mm of noise passes, and the least detectable jump says why."""
     file = MotionFile(sample_motion(noise=NOISY), NOISY)
