@@ -75,8 +75,8 @@ _OF_TIMESTAMPS: Final = ("clocks.", "index_maps.")
 """Beginnings of the codes of findings about timestamps and what is computed of them alone."""
 
 _DOUBLED: Final = 2.0
-"""Ratio of a deviation to that without a trial from which undoing counts against a cause: a fault that is undone with
-the opposite sign is there twice."""
+"""Ratio of a deviation after undoing to the one before, from which undoing counts against the cause: undoing with the
+opposite sign doubles a fault."""
 
 FEWEST: Final = 20
 """Diagnoses from which the frequency of one cause is used: its standard error is then 0.11 at most. With fewer, that of
@@ -273,10 +273,10 @@ def is_excluded(candidate: CauseCandidate, codes: Mapping[str, str], trials: Tri
 
 
 def is_refuted(candidate: CauseCandidate, codes: Mapping[str, str], trials: Trials) -> bool:
-    """Whether a trial leaves nothing but a guess: undoing a cause of a place or of some time changes none of it.
+    """Whether the trial of a cause of some place or time fails, and no check is certain of the cause.
 
-    The fault may hold elsewhere than it was undone. That is worth a name where a check is certain of the cause, and
-    nothing where it merely fits better than others.
+    The fault may hold elsewhere than where it was undone. A cause of which a check is certain keeps its name then; a
+    cause that merely fits better than others does not.
     """
     trial = trials.get(candidate.key)
     if trial is None or not trial.fails or has_evidence(candidate, codes, trials):

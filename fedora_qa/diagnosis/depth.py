@@ -174,9 +174,9 @@ def propose_consistency(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
 
 
 def _with_ring(hypotheses: tuple[Hypothesis, ...], alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return hypotheses with a ring of frames that is read from another one than the oldest beside a delay of a part.
+    """Add a ring buffer of frames that was read from its middle to a delay of a part by whole frames.
 
-    All but those at its seam are late, or early, by whole frames.
+    All frames of such a ring but those at its seam are late, or early, by the same number of frames.
     """
     clock, part = facts.clocks.get("depth"), frames_between(alarm)
     delay = next((h for h in hypotheses if (h.cause, h.stream) == ("time_offset", "depth")), None)

@@ -354,13 +354,13 @@ def _measured_first(diagnoses: Sequence[Diagnosis], measured: Collection[tuple[s
     if not diagnoses or diagnoses[0].status != "suggested":
         return tuple(diagnoses)
     ordered = sorted(diagnoses, key=lambda each: (each.status != "confirmed", key_of(each) not in measured))
-    return tuple(replace(diagnosis, id=f"D{number}") for number, diagnosis in enumerate(ordered, 1))
+    return _numbered(ordered)
 
 
 def _guesses_last(
     diagnoses: Sequence[Diagnosis], guesses: Collection[tuple[str, str]], weights: Mapping[str, float]
 ) -> tuple[Diagnosis, ...]:
-    """Return diagnoses, those without a cause first where the first one guesses a cause of no more than half.
+    """Put what has no cause before the first diagnosis where that guesses at no more than half of the findings.
 
     One fault is likelier than two, and the cause that is guessed leaves findings which nothing explains.
 
@@ -380,7 +380,11 @@ def _guesses_last(
     if round(share, 6) > _MOSTLY:
         return tuple(diagnoses)
     ordered = [*unknown, *(each for each in diagnoses if each.cause != UNKNOWN)]
-    return tuple(replace(diagnosis, id=f"D{number}") for number, diagnosis in enumerate(ordered, 1))
+    return _numbered(ordered)
+
+
+def _numbered(diagnoses: Sequence[Diagnosis]) -> tuple[Diagnosis, ...]:
+    return tuple(replace(diagnosis, id=f"D{number}") for number, diagnosis in enumerate(diagnoses, 1))
 
 
 def key_of(diagnosis: Diagnosis) -> tuple[str, str]:

@@ -226,7 +226,10 @@ class RotatedFrames:
 
     @property
     def magnitude(self) -> float:
-        """Largest distance of a value from its row, samples."""
+        """Largest distance of a value from its row, samples.
+
+        Of a ring up to the last frame, whose row is not known here, that of all values but those at its seam.
+        """
         start, stop = self.rows
         return abs(self.frames) if stop is None else max(abs(self.frames), stop - start - abs(self.frames))
 

@@ -55,7 +55,7 @@ def _luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
 
 
 def smoothed_luma_dn(window: Window, frame: int, sigma_px: float) -> NDArray[np.float32]:
-    """Return the luma of a colour frame, smoothed by a Gaussian, for reading between pixels.
+    """Return the smoothed luma of a colour frame, from which ``read_between`` reads.
 
     Parameters
     ----------
@@ -64,12 +64,12 @@ def smoothed_luma_dn(window: Window, frame: int, sigma_px: float) -> NDArray[np.
     frame
         Row of the colour frame.
     sigma_px
-        Standard deviation of the Gaussian, px.
+        Standard deviation of Gaussian and B-spline together, px.
 
     Returns
     -------
     ndarray of float32
-        (H, W) DN, as ``read_between`` reads them.
+        (H, W) DN.
     """
     return window.derived_image(_smoothed_luma_dn, frame, sigma_px)
 

@@ -699,48 +699,48 @@ def test_a_guess_that_undoing_does_not_help_is_no_name(
     """A check that is certain of a cause means another place than was tried; what was declared cannot be undone."""
     moved = Hypothesis("spatial_offset", "depth", support, 4.0, "px")
     trial = replace(tried(left={"F1": 0.9}), fault=ClockShift("depth", 2e7, rows))
-    shown = [alarm(1, moved, code=code, stream="depth"), alarm(2, Hypothesis("unsorted", "imu", 0.9), stream="imu")]
-    assert cause in {d.cause for d in diagnosed(shown, {("spatial_offset", "depth"): trial})}
+    alarms = [alarm(1, moved, code=code, stream="depth"), alarm(2, Hypothesis("unsorted", "imu", 0.9), stream="imu")]
+    assert cause in {d.cause for d in diagnosed(alarms, {("spatial_offset", "depth"): trial})}
     # A trial of which the windows show another finding alone says nothing of the cause.
     trial = replace(trial, left={"F2": 0.9})
-    assert "spatial_offset" in {d.cause for d in diagnosed(shown, {("spatial_offset", "depth"): trial})}
+    assert "spatial_offset" in {d.cause for d in diagnosed(alarms, {("spatial_offset", "depth"): trial})}
 
 
 def test_a_cause_without_a_trial_comes_in_the_place_of_a_guess_that_undoing_does_not_help() -> None:
     """Poses that jump back and forth have noise: taking back one jump leaves all that they disturb."""
     jump, noise = Hypothesis("teleport", "pose", 0.95, 0.01, "m"), Hypothesis("noise_misdeclared", "pose", 0.85)
-    shown = [alarm(1, jump, noise, code="depth.consistency.frame", stream="depth")]
+    alarms = [alarm(1, jump, noise, code="depth.consistency.frame", stream="depth")]
     trial = replace(tried(left={"F1": 1.0}), fault=ClockShift("pose", 2e7, (1, 4)))
-    assert diagnosed(shown)[0].cause == "teleport"
-    assert [d.cause for d in diagnosed(shown, {("teleport", "pose"): trial})] == ["noise_misdeclared"]
+    assert diagnosed(alarms)[0].cause == "teleport"
+    assert [d.cause for d in diagnosed(alarms, {("teleport", "pose"): trial})] == ["noise_misdeclared"]
 
 
 def test_a_trial_that_doubles_more_than_it_clears_is_no_evidence() -> None:
     """A focal length that is fitted to depth of another sequence clears one finding, and enlarges what it leaves."""
     other, longer = Hypothesis("other_sequence", "depth", 0.7), Hypothesis("intrinsics_focal", "metadata", 0.6)
-    shown = [
+    alarms = [
         *(alarm(n, other, code=f"flow_geometry.endpoint.r{n}", stream="flow") for n in (1, 2)),
         alarm(3, longer, code="depth.consistency.frame", stream="depth"),
     ]
     trial = tried("F3", left={"F1": 1.9, "F2": 5.3})
-    assert diagnosed(shown, {("intrinsics_focal", "metadata"): trial})[0].cause == "intrinsics_focal"
+    assert diagnosed(alarms, {("intrinsics_focal", "metadata"): trial})[0].cause == "intrinsics_focal"
     trial = replace(trial, left={"F1": 2.1, "F2": 5.3})
-    assert diagnosed(shown, {("intrinsics_focal", "metadata"): trial})[0].cause == "other_sequence"
+    assert diagnosed(alarms, {("intrinsics_focal", "metadata"): trial})[0].cause == "other_sequence"
 
 
 @pytest.mark.parametrize(("beside", "first"), [(1, "unknown"), (0, "dropped_samples")])
 def test_a_suggestion_for_half_of_the_findings_comes_behind_what_no_cause_explains(beside: int, first: str) -> None:
     """One fault is likelier than two, and the suggested one leaves the others."""
     lost = Hypothesis("dropped_samples", "events", 0.4)
-    shown = [
+    alarms = [
         alarm(1, lost, code="event_response.conservation.pixels"),
         alarm(2, lost, code="event_response.frames.off"),
         *(alarm(3 + n, code=f"flow_photometric.r{n}.off", stream="flow") for n in range(1 + beside)),
     ]
-    found = diagnosed(shown)
-    assert found[0].cause == first
-    assert {d.cause for d in found} == {"dropped_samples", "unknown"}
-    assert [d.id for d in found] == ["D1", "D2"]
+    diagnoses = diagnosed(alarms)
+    assert diagnoses[0].cause == first
+    assert {d.cause for d in diagnoses} == {"dropped_samples", "unknown"}
+    assert [d.id for d in diagnoses] == ["D1", "D2"]
 
 
 @pytest.mark.parametrize(("code", "cause"), [("metadata.units.label", "unit_mm_m"), ("depth.scale.factor", "unknown")])
