@@ -12,6 +12,7 @@ from typing import Final
 from fedora_qa.diagnosis.declared_intrinsics import (
     centres_from_middle,
     film_focal_lengths,
+    normalised_intrinsics,
     opposite_focal_lengths,
     other_sizes,
     other_views,
@@ -40,6 +41,7 @@ _CAMERAS_OF_SUBJECT: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
         "alignment": frozenset({"rgb", "depth", "events"}),
         "event_response": frozenset({"rgb", "events"}),
         "flow_photometric": frozenset({"rgb", "depth"}),
+        "images": frozenset({"rgb", "depth"}),
     }
 )
 """Cameras by which the checks of a subject compare streams."""
@@ -68,11 +70,12 @@ def of_declared_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         for fault in centres_from_middle(facts)
         if names & set(fault.names)
     ]
-    films = [fault for fault in film_focal_lengths(facts) if names & set(fault.names)]
-    hypotheses += [
-        Hypothesis("intrinsics_focal", "metadata", support("metadata.view_too_wide"), fault.magnitude, "percent")
-        for fault in films[:1]
-    ]
+    for too_wide in (normalised_intrinsics(facts), film_focal_lengths(facts)):
+        # The first unit is the likeliest.
+        hypotheses += [
+            Hypothesis("intrinsics_focal", "metadata", support("metadata.view_too_wide"), fault.magnitude, "percent")
+            for fault in [each for each in too_wide if names & set(each.names)][:1]
+        ]
     hypotheses += [
         Hypothesis("intrinsics_focal", "metadata", support("metadata.focal_length_not_positive"), fault.magnitude,
                    "percent")

@@ -15,8 +15,8 @@ from fedora_qa.checks.metadata.cameras import convention_offset_px
 from fedora_qa.diagnosis.designed_cameras import SAME, is_chosen
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.faults.fault import signed_length
+from fedora_qa.faults.intrinsic_units import FilmFocalLength, NormalisedIntrinsics, NormalisedUnit
 from fedora_qa.faults.intrinsics import (
-    FilmFocalLength,
     FocalLength,
     IntrinsicsOfAnotherImage,
     IntrinsicsOfSize,
@@ -36,6 +36,9 @@ straight lines as such is 9 mm, for film of 36 mm, which is a view of 127 degree
 _FILMS_MM: Final = (36.0, 20.955, 23.76)
 """Longer sides of films for which focal lengths are given in mm: of 35 mm photography and Blender; of USD and Isaac
 Sim; of Unreal."""
+
+_LONGEST: Final = 10.0
+"""Largest focal length in units of the image: a view of 6 degrees. Those in millimetres of a film are longer than 5."""
 
 _SAME_VIEW: Final = 1e-3
 """Largest relative difference of the tangents of two views that are equal: focal lengths are stored with four digits at
@@ -147,6 +150,7 @@ def centres_from_middle(facts: Facts) -> tuple[PrincipalPointFromMiddle, ...]:
         name: signed_length((-(camera.width - 1) / 2, -(camera.height - 1) / 2))
         for name, camera in facts.declared.cameras.items()
         if not is_transposed(camera.K)
+        and not _units_of_image(camera)
         and 2 * abs(camera.K[0, 2]) < _FROM_MIDDLE * camera.width
         and 2 * abs(camera.K[1, 2]) < _FROM_MIDDLE * camera.height
     }
@@ -190,8 +194,11 @@ def unequal_focal_lengths(facts: Facts) -> tuple[FocalLength, ...]:
     one more often, unless the other one leaves the view of the other cameras.
     """
     cameras = facts.declared.cameras
-    ratios = {name: float(camera.K[1, 1] / camera.K[0, 0]) for name, camera in cameras.items()
-              if min(camera.K[0, 0], camera.K[1, 1]) > 0 and not is_transposed(camera.K)}  # fmt: skip
+    ratios = {
+        name: float(camera.K[1, 1] / camera.K[0, 0])
+        for name, camera in cameras.items()
+        if min(camera.K[0, 0], camera.K[1, 1]) > 0 and not is_transposed(camera.K) and not _units_of_image(camera)
+    }
     if len(ratios) < len(cameras):
         return ()
     odd = [name for name, ratio in ratios.items() if abs(ratio - 1) > SAME]
@@ -220,12 +227,7 @@ def film_focal_lengths(facts: Facts) -> tuple[FilmFocalLength, ...]:
     """
     cameras = facts.declared.cameras
     longer_px = {name: max(camera.width, camera.height) for name, camera in cameras.items()}
-    too_wide = tuple(
-        name
-        for name, camera in cameras.items()
-        if (camera.lens is None or camera.lens.model == "radtan")
-        and 0 < min(camera.K[0, 0], camera.K[1, 1]) < longer_px[name] / _WIDEST
-    )
+    too_wide = tuple(name for name, camera in cameras.items() if _is_too_wide(camera) and not _units_of_image(camera))
     if not too_wide:
         return ()
     return tuple(
@@ -233,6 +235,46 @@ def film_focal_lengths(facts: Facts) -> tuple[FilmFocalLength, ...]:
         for names in dict.fromkeys((tuple(cameras), too_wide))
         for film_mm in _FILMS_MM
     )
+
+
+def normalised_intrinsics(facts: Facts) -> tuple[NormalisedIntrinsics, ...]:
+    """Return the units of the image in which K of cameras may be: no view is as wide, and the centre is within a pixel.
+
+    A principal point in the middle is at 1/2, 1/2 in sides from the corner, and at 0, 0 in units from the middle.
+    Pixels are square: where focal lengths along both axes differ as the sides do, they are in halves of these, and
+    where they are equal in longer sides.
+    """
+    units = {name: _units_of_image(camera) for name, camera in facts.declared.cameras.items()}
+    faults = []
+    for unit in dict.fromkeys(unit for of_camera in units.values() for unit in of_camera):
+        names = tuple(name for name, of_camera in units.items() if unit in of_camera)
+        longest_px = max(facts.declared.cameras[name].width for name in names)
+        pixels = longest_px / 2 if unit == "halves" else longest_px
+        faults.append(NormalisedIntrinsics(unit, names, 100 * (1 / pixels - 1)))
+    return tuple(faults)
+
+
+def _units_of_image(camera: Camera) -> tuple[NormalisedUnit, ...]:
+    """Return the units of the image in which K of a camera may be, likeliest first; none where it is in pixels."""
+    fx, fy = float(camera.K[0, 0]), float(camera.K[1, 1])
+    if not _is_too_wide(camera) or max(fx, fy) > _LONGEST or np.any(camera.K[[0, 1, 1, 2, 2], [1, 0, 0, 0, 1]]):
+        return ()
+    from_middle = float(np.max(np.abs(camera.K[:2, 2])))
+    from_half = float(np.max(np.abs(camera.K[:2, 2] - 0.5)))
+    if from_half < _FROM_MIDDLE:
+        return ("sides",)
+    if from_middle >= _FROM_MIDDLE:
+        return ()
+    # f_px = fx W / 2 = fy H / 2 in halves, and fx = fy in longer sides.
+    of_halves, of_longer = (abs(log(fx / fy * ratio)) for ratio in (camera.width / camera.height, 1.0))
+    return ("halves", "longer_side") if of_halves <= of_longer else ("longer_side", "halves")
+
+
+def _is_too_wide(camera: Camera) -> bool:
+    """Whether no lens that images straight lines as such has a view as wide."""
+    shorter = min(camera.K[0, 0], camera.K[1, 1])
+    is_straight = camera.lens is None or camera.lens.model == "radtan"
+    return bool(is_straight and 0 < shorter < max(camera.width, camera.height) / _WIDEST)
 
 
 def opposite_focal_lengths(facts: Facts) -> tuple[FocalLength, ...]:

@@ -9,6 +9,7 @@ from fedora_qa.checks.metadata.complete import DeclarationDefect
 from fedora_qa.checks.metadata.units import UnitLabel
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.declared_intrinsics import (
+    normalised_intrinsics,
     resized_images,
     support_of_resizing,
     transposed,
@@ -88,10 +89,17 @@ def propose_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             return (_of_stereo(statistic),)
         case "rectify_map" | "rectify_map_defined":
             return (_of_rectify_map(statistic),)
-    is_known = bool(transposed(facts).magnitude)
-    return (
-        transposed_hypothesis(facts) if is_known else Hypothesis("unknown", "metadata", support("metadata.form_of_K")),
-    )
+    return (_of_form(facts),)
+
+
+def _of_form(facts: Facts) -> Hypothesis:
+    """Return the cause of a K that is not [fx 0 cx; 0 fy cy; 0 0 1]."""
+    if transposed(facts).magnitude:
+        return transposed_hypothesis(facts)
+    for normalised in normalised_intrinsics(facts):
+        supported = support("metadata.view_too_wide")
+        return Hypothesis("intrinsics_focal", "metadata", supported, normalised.magnitude, "percent")
+    return Hypothesis("unknown", "metadata", support("metadata.form_of_K"))
 
 
 def _of_stereo(statistic: Statistic) -> Hypothesis:

@@ -11,6 +11,7 @@ from fedora_qa.checks.event_response.alignment import CameraErrorFits
 from fedora_qa.diagnosis.declared_intrinsics import (
     centres_from_middle,
     film_focal_lengths,
+    normalised_intrinsics,
     odd_centres,
     odd_intrinsics,
     opposite_focal_lengths,
@@ -76,6 +77,7 @@ def focal_length(fit: FittedCause) -> Faults:
     """Yield focal lengths: those of improbable declarations first, then those that edges or flow fit."""
     if fit.stream == "metadata":
         yield from opposite_focal_lengths(fit.facts)
+        yield from normalised_intrinsics(fit.facts)
         yield from film_focal_lengths(fit.facts)
         yield from sizes_of_images(fit.facts)
         yield from other_views(fit.facts)

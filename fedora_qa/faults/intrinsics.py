@@ -334,49 +334,6 @@ class PrincipalPointFromMiddle:
         return declared_each(facts, description, self.names, moved)
 
 
-@dataclass(frozen=True, slots=True)
-class FilmFocalLength:
-    """Focal lengths are in millimetres of a film, or of a sensor, whose longer side is that of the image.
-
-    Attributes
-    ----------
-    film_mm
-        Length of that side.
-    names
-        Of the declared cameras.
-    percent
-        Excess of the focal length; of several cameras the largest.
-    """
-
-    film_mm: float
-    names: tuple[str, ...]
-    percent: float
-    cause: ClassVar[str] = "intrinsics_focal"
-    stream: ClassVar[str] = "metadata"
-
-    @property
-    def magnitude(self) -> float:
-        """Excess of the focal length, percent."""
-        return self.percent
-
-    def plant(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Declare millimetres."""
-        of = ", ".join(self.names)
-        return self._scaled(facts, f"the focal length of {of} is in mm of a {self.film_mm:g} mm film", 1)
-
-    def undo(self, facts: Facts, sequence: SequenceRows) -> Fault:
-        """Declare pixels."""
-        of = ", ".join(self.names)
-        return self._scaled(facts, f"the focal length of {of} from mm of a {self.film_mm:g} mm film to px", -1)
-
-    def _scaled(self, facts: Facts, description: str, power: Literal[1, -1]) -> Fault:
-        def changed(_: str, camera: Camera) -> Camera:
-            gain = (self.film_mm / max(camera.width, camera.height)) ** power
-            return replace(camera, K=camera.K * np.array([[gain, gain, 1.0], [gain, gain, 1.0], [1.0, 1.0, 1.0]]))
-
-        return declared_each(facts, description, self.names, changed)
-
-
 def _of_size(width: int, height: int) -> Float64:
     """Return the matrix from coordinates about the middle of an image, in widths of it, to its pixels."""
     return np.array([[width, 0.0, (width - 1) / 2], [0.0, width, (height - 1) / 2], [0.0, 0.0, 1.0]])

@@ -14,6 +14,7 @@ from fedora_qa.faults import (
     gravity,
     images,
     index_maps,
+    intrinsic_units,
     intrinsics,
     motion,
     mountings,
@@ -95,7 +96,8 @@ FAULTS: Final[Mapping[tuple[str, str], TableEntry]] = MappingProxyType(
             intrinsics.FocalLength,
             intrinsics.IntrinsicsOfSize,
             intrinsics.IntrinsicsOfSizes,
-            intrinsics.FilmFocalLength,
+            intrinsic_units.FilmFocalLength,
+            intrinsic_units.NormalisedIntrinsics,
         ),
         ("intrinsics_focal", "flow"): (intrinsics.FocalLength,),
         ("intrinsics_centre", "metadata"): (

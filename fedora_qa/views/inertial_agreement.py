@@ -32,7 +32,7 @@ from fedora_qa.views.motion_samples import (
     pose_model,
     why_unusable,
 )
-from fedora_qa.views.sample_defects import frozen_imu
+from fedora_qa.views.sample_defect_detection import frozen_imu
 
 MotionKind = Literal["rotation", "translation"]
 

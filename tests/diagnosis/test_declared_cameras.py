@@ -16,6 +16,7 @@ from fedora_qa.diagnosis.declared_cameras import of_declared_cameras
 from fedora_qa.diagnosis.declared_intrinsics import (
     centres_from_middle,
     film_focal_lengths,
+    normalised_intrinsics,
     other_views,
     resized_images,
     sizes_of_images,
@@ -24,6 +25,7 @@ from fedora_qa.diagnosis.declared_intrinsics import (
 from fedora_qa.diagnosis.declared_mountings import inverted_mountings, mountings_of_other_bodies, odd_mounting
 from fedora_qa.diagnosis.metadata import propose_cameras
 from fedora_qa.diagnosis.proposed_faults import faults_for
+from fedora_qa.faults.intrinsic_units import NormalisedUnit
 from fedora_qa.faults.mountings import CameraAxes, InvertedMounting
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
@@ -329,6 +331,47 @@ def test_focal_lengths_in_millimetres_of_a_film_are_put_back(names: tuple[str, .
     undone = faults[-1].undo(facts, memory_sequence()).declared
     assert undone is not None
     assert are_alike(undone.cameras, correct.declared.cameras)
+
+
+def in_units_of(unit: NormalisedUnit, depth_entry: float = 1.0) -> Callable[[Camera], Camera]:
+    """K in sides from the corner, in halves of the sides from the middle, or in longer sides from the middle."""
+
+    def change(camera: Camera) -> Camera:
+        W, H, fx, fy = camera.width, camera.height, camera.K[0, 0], camera.K[1, 1]
+        cx, cy = camera.K[0, 2] + 0.5, camera.K[1, 2] + 0.5
+        L = max(W, H)
+        match unit:
+            case "sides":
+                K = [[fx / W, 0, cx / W], [0, fy / H, cy / H], [0, 0, 1]]
+            case "halves":
+                K = [[2 * fx / W, 0, 2 * cx / W - 1], [0, 2 * fy / H, 2 * cy / H - 1], [0, 0, depth_entry]]
+            case "longer_side":
+                K = [[fx / L, 0, (cx - W / 2) / L], [0, fy / L, (cy - H / 2) / L], [0, 0, 1]]
+        return replace(camera, K=np.array(K))
+
+    return change
+
+
+@pytest.mark.parametrize("names", [ALL, ("rgb",)])
+@pytest.mark.parametrize(
+    ("unit", "depth_entry"), [("sides", 1.0), ("halves", 1.0), ("halves", -1.00002), ("longer_side", 1.0)]
+)
+def test_intrinsics_in_units_of_the_image_are_put_back(
+    unit: NormalisedUnit, depth_entry: float, names: tuple[str, ...]
+) -> None:
+    """Undone, K is that of the pixels; neither a film nor a principal point is proposed beside it."""
+    correct = declared(facts_with_sizes(), large, ALL)
+    assert normalised_intrinsics(correct) == ()
+    facts = declared(correct, in_units_of(unit, depth_entry), names)
+    assert (film_focal_lengths(facts), centres_from_middle(facts)) == ((), ())
+    (hypothesis,) = of_declared_cameras(alarm("images.exposure.jump"), facts)
+    assert (hypothesis.cause, hypothesis.stream, hypothesis.unit) == ("intrinsics_focal", "metadata", "percent")
+    first = next(faults_for("intrinsics_focal", "metadata", hypothesis.magnitude, (), {}, facts))
+    undone = first.undo(facts, memory_sequence()).declared
+    assert undone is not None
+    assert are_alike(undone.cameras, correct.declared.cameras)
+    (of_form,) = propose_cameras(alarm("metadata.cameras.K_form"), facts)
+    assert (of_form.cause, of_form.magnitude) == (hypothesis.cause, hypothesis.magnitude)
 
 
 def test_a_camera_concerns_the_checks_that_use_it() -> None:

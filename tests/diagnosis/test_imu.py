@@ -20,7 +20,8 @@ from fedora_qa.engine.tasks import check_file
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.estimators.imu.samples import InertialNoise
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.sample_defects import HeldComponent, clipped_samples, held_components
+from fedora_qa.views.sample_defect_detection import clipped_samples, held_components
+from fedora_qa.views.sample_defects import HeldComponent
 from tests.support.facts import MS, clock, exact_facts, with_clock
 from tests.support.motion_world import EXACT, GRAVITY_M_S2, HOVER, NOISY, MotionFile, sample_motion
 from tests.support.proposals import proposed

@@ -32,8 +32,8 @@ from fedora_qa.faults.images import (
     Vignetting,
 )
 from fedora_qa.faults.index_maps import IndexShift, IndexSide
+from fedora_qa.faults.intrinsic_units import FilmFocalLength, NormalisedIntrinsics
 from fedora_qa.faults.intrinsics import (
-    FilmFocalLength,
     FocalLength,
     IntrinsicsOfAnotherImage,
     IntrinsicsOfSize,
@@ -175,6 +175,8 @@ CASES: list[tuple[Any, Tolerance]] = [
     (st.builds(MountingLeverArm, vectors), rounded),
     (st.builds(MountingUnit, st.sampled_from([100.0, 1000.0])), rounded),
     (st.just(TransposedIntrinsics()), exact),
+    (st.builds(NormalisedIntrinsics, st.sampled_from(["sides", "halves", "longer_side"]), st.just(("rgb", "events")),
+               st.just(0.0)), rounded),
     (st.builds(FilmFocalLength, st.sampled_from([36.0, 23.76]), st.just(("rgb", "events")), st.just(0.0)), rounded),
     (st.builds(IntrinsicsOfSize, st.just("events"), st.integers(20, 900), st.integers(20, 900), st.just(0.0)), rounded),
     (st.builds(IntrinsicsOfSize, st.just("rgb"), st.just(9), st.just(9), st.floats(-50, 90), st.just(False)), rounded),

@@ -16,8 +16,8 @@ from fedora_qa.faults.declarations import (
 )
 from fedora_qa.faults.fault import FaultySequence, ReversibleFault
 from fedora_qa.faults.images import TransferMisdeclared
+from fedora_qa.faults.intrinsic_units import FilmFocalLength, NormalisedIntrinsics
 from fedora_qa.faults.intrinsics import (
-    FilmFocalLength,
     FocalLength,
     IntrinsicsOfSize,
     IntrinsicsOfSizes,
@@ -45,6 +45,13 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
     # Pixel 0 is (size - 1) / 2 before the middle.
     from_middle = np.array([[K[0, 0], 0, K[0, 2] - (camera.width - 1) / 2],
                             [0, K[1, 1], K[1, 2] - (camera.height - 1) / 2], [0, 0, 1]])  # fmt: skip
+    W, H = camera.width, camera.height
+    # Of sides, the centre of pixel i lies at (i + 1/2) / W; of halves, at (2 i + 1) / W - 1.
+    of_sides = np.array([[K[0, 0] / W, 0, (K[0, 2] + 0.5) / W], [0, K[1, 1] / H, (K[1, 2] + 0.5) / H], [0, 0, 1]])
+    of_halves = np.array([[2 * K[0, 0] / W, 0, (2 * K[0, 2] + 1) / W - 1],
+                          [0, 2 * K[1, 1] / H, (2 * K[1, 2] + 1) / H - 1], [0, 0, -1.00002]])  # fmt: skip
+    # Of longer sides from the middle.
+    of_longer = from_middle / [[max(W, H)], [max(W, H)], [1]]
     rolled, forward, bare, far = T.copy(), T.copy(), np.eye(4), T.copy()
     far[:3, 3] *= 1000
     rolled[:3, :3] = T[:3, :3] @ Rotation.from_euler("z", 5, degrees=True).as_matrix()
@@ -67,6 +74,9 @@ def declared_changes(camera: Camera) -> dict[str, tuple[ReversibleFault, Camera]
         ),
         "middle": (PrincipalPointFromMiddle(("depth",)), replace(camera, K=from_middle)),
         "film": (FilmFocalLength(36.0, ("depth",), 0.0), replace(camera, K=in_mm)),
+        "sides": (NormalisedIntrinsics("sides", ("depth",), 0.0), replace(camera, K=of_sides)),
+        "halves": (NormalisedIntrinsics("halves", ("depth",), 0.0), replace(camera, K=of_halves)),
+        "longer": (NormalisedIntrinsics("longer_side", ("depth",), 0.0), replace(camera, K=of_longer)),
         "unit": (MountingUnit(1000.0), replace(camera, T_body_camera=far)),
         "lever": (MountingLeverArm((0.2, 0, 0)), replace(camera, T_body_camera=forward)),
         "axes": (CameraAxes(), replace(camera, T_body_camera=bare)),
@@ -90,7 +100,9 @@ def test_declared_cameras_are_put_back(name: str) -> None:
         np.testing.assert_allclose(undone.cameras[key].T_body_camera, camera.T_body_camera, atol=1e-13)
 
 
-@pytest.mark.parametrize("name", ["focal", "size", "multiplied", "sizes", "middle", "film"])
+@pytest.mark.parametrize(
+    "name", ["focal", "size", "multiplied", "sizes", "middle", "film", "sides", "halves", "longer"]
+)
 def test_one_declared_camera_is_put_back(name: str) -> None:
     """A fault of the depth camera alone leaves the others as they are."""
     clean = memory_sequence()

@@ -17,6 +17,7 @@ from fedora_qa.faults.fault import ReversibleFault
 from fedora_qa.faults.gravity import ForceSign, GravityAlongBody
 from fedora_qa.faults.images import TransferMisdeclared
 from fedora_qa.faults.index_maps import IndexSide
+from fedora_qa.faults.intrinsic_units import NormalisedIntrinsics
 from fedora_qa.faults.intrinsics import IntrinsicsOfAnotherImage, PrincipalPointFromMiddle, TransposedIntrinsics
 from fedora_qa.faults.motion import AngleOrder, AngleSense, PoseInversion
 from fedora_qa.faults.mountings import InvertedMounting, MountingUnit
@@ -110,7 +111,8 @@ def test_every_fault_that_can_be_undone_is_mechanical_or_not_for_a_reason() -> N
     # Tests of their own: below, and in ``test_repair``.
     beside = {ClockSetBackAndSorted, SwappedFrames, RotatedFrames, FramesInOrderOfNames, TransferMisdeclared, IndexSide,
               NoiseMisdeclared, PoseInversion, MountingUnit, AngleOrder, AngleSense, ForceSign, GravityAlongBody,
-              TransposedIntrinsics, PrincipalPointFromMiddle, IntrinsicsOfAnotherImage, InvertedMounting}  # fmt: skip
+              TransposedIntrinsics, PrincipalPointFromMiddle, NormalisedIntrinsics, IntrinsicsOfAnotherImage,
+              InvertedMounting}  # fmt: skip
     mechanical = {each for each in MECHANICAL if MECHANICAL[each] == "" or callable(MECHANICAL[each])}
     assert mechanical == {type(case.undoing) for case in MECHANICAL_CASES} | beside
 
@@ -227,11 +229,16 @@ def test_the_transfer_curve_is_declared(clean: Path, tmp_path: Path) -> None:
 
 
 def test_matrices_of_cameras_are_declared(clean: Path, tmp_path: Path) -> None:
-    """K is transposed back or has its centre, and mountings are in metres or inverted back."""
+    """K is transposed back, has its centre or is in pixels, and mountings are in metres or inverted back."""
 
     def moved(K: np.ndarray, camera: h5py.Group) -> np.ndarray:
         K[:2, 2] -= (camera.attrs["width"] - 1) / 2, (camera.attrs["height"] - 1) / 2
         return K
+
+    def of_projection(K: np.ndarray, camera: h5py.Group) -> np.ndarray:
+        sides = camera.attrs["width"], camera.attrs["height"]
+        (fx, fy), (right, down) = K[[0, 1], [0, 1]] / sides, (2 * K[:2, 2] + 1) / sides - 1
+        return np.array([[2 * fx, 0, right], [0, 2 * fy, down], [0, 0, -1.00002]])
 
     def in_mm(T: np.ndarray, _: h5py.Group) -> np.ndarray:
         T[:3, 3] *= 1000.0
@@ -244,6 +251,7 @@ def test_matrices_of_cameras_are_declared(clean: Path, tmp_path: Path) -> None:
     for fault, attribute, change in (
         (TransposedIntrinsics(), "K", lambda K, _: np.ascontiguousarray(K.T)),
         (PrincipalPointFromMiddle(names(clean)), "K", moved),
+        (NormalisedIntrinsics("halves", names(clean), 0.0), "K", of_projection),
         (MountingUnit(1000.0), "T_body_camera", in_mm),
         (InvertedMounting(), "T_body_camera", lambda T, _: np.linalg.inv(T)),
     ):

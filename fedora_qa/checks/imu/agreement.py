@@ -32,7 +32,7 @@ from fedora_qa.views.inertial_agreement import (
     streams_of,
 )
 from fedora_qa.views.motion_samples import imu_roundings, location_of, pose_model
-from fedora_qa.views.sample_defects import (
+from fedora_qa.views.sample_defect_detection import (
     clipped_samples,
     frozen_poses,
     held_components,

@@ -16,7 +16,7 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, Window
 from fedora_qa.views.motion_samples import NOISE_ORDER, imu_roundings, join_imu, location_of, owned_imu, why_unusable
-from fedora_qa.views.sample_defects import filtered_noise, frozen_imu, noise_of_part, timestamp_defects
+from fedora_qa.views.sample_defect_detection import filtered_noise, frozen_imu, noise_of_part, timestamp_defects
 
 Float64 = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from fedora_qa.views.inertial_agreement import (
     motion_of,
     streams_of,
 )
-from fedora_qa.views.sample_defects import held_imu, timestamp_defects
+from fedora_qa.views.sample_defect_detection import held_imu, timestamp_defects
 
 _RESOLVED_SIGMAS: Final = 6.0
 """Least half interval, in standard errors of the offset, that is distinguishable from no offset."""

@@ -34,15 +34,14 @@ from fedora_qa.views.motion_samples import (
     stored_resolution,
     why_unusable,
 )
-from fedora_qa.views.sample_defects import (
+from fedora_qa.views.sample_defect_detection import (
     LEAST_EVENNESS,
-    LinearInterpolation,
-    PoseValues,
     frozen_poses,
     interpolations_of,
     rate_hz,
     timestamp_defects,
 )
+from fedora_qa.views.sample_defects import LinearInterpolation, PoseValues
 
 Float64 = NDArray[np.float64]
 

@@ -17,13 +17,8 @@ from fedora_qa.views.motion_samples import (
     rotation_floor_rad,
     why_unusable,
 )
-from fedora_qa.views.sample_defects import (
-    ExcessNoise,
-    NoiseAtTimes,
-    filtered_noise,
-    pose_defects,
-    smooth_interpolation,
-)
+from fedora_qa.views.sample_defect_detection import filtered_noise, pose_defects, smooth_interpolation
+from fedora_qa.views.sample_defects import ExcessNoise, NoiseAtTimes
 
 
 class PoseNoise(WindowCheck[PoseSamples]):
