@@ -21,7 +21,7 @@ ALL_SCENES: Final = (*QUIET_SCENES, "park-noisy")
 SHARES: Final = (0.12, 0.35)
 """Of the length of a file, the least and the greatest interval of a local fault."""
 
-LAST_ROUND: Final = 11
+LAST_ROUND: Final = 12
 """The round of kinds that nobody has looked at."""
 
 

@@ -39,6 +39,7 @@ from tests.benchmarks.foreign_faults.seventh_round.kinds import SEVENTH_ROUND
 from tests.benchmarks.foreign_faults.sixth_round.kinds import SIXTH_ROUND
 from tests.benchmarks.foreign_faults.tenth_round.kinds import TENTH_ROUND
 from tests.benchmarks.foreign_faults.third_round.kinds import THIRD_ROUND
+from tests.benchmarks.foreign_faults.twelfth_round.kinds import TWELFTH_ROUND
 
 _CLOCKS: Final = (
     Kind("colour stamped when received", clocks.delayed("rgb"), ("path/rgb_ts", *MAPS), ("rgb:time_offset",),
@@ -462,4 +463,5 @@ KINDS: Final = (
     *NINTH_ROUND,
     *TENTH_ROUND,
     *ELEVENTH_ROUND,
+    *TWELFTH_ROUND,
 )

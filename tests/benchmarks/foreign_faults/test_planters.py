@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.causes import INDEX_MAPS, TIMED, allowed
+from fedora_qa.causes import CAUSES, INDEX_MAPS, TIMED, allowed
 from tests.benchmarks.foreign_faults.eighth_round.kinds import EIGHTH_ROUND
 from tests.benchmarks.foreign_faults.eleventh_round.kinds import ELEVENTH_ROUND
 from tests.benchmarks.foreign_faults.fifth_round.kinds import FIFTH_ROUND
@@ -30,6 +30,7 @@ from tests.benchmarks.foreign_faults.sources import SPAN_S, Source
 from tests.benchmarks.foreign_faults.table import KINDS
 from tests.benchmarks.foreign_faults.tenth_round.kinds import TENTH_ROUND
 from tests.benchmarks.foreign_faults.third_round.kinds import THIRD_ROUND
+from tests.benchmarks.foreign_faults.twelfth_round.kinds import TWELFTH_ROUND
 from tests.support.contents import Contents
 
 FOLDERS = [Path(__file__).parent, Path(__file__).parents[1] / "foreign"]
@@ -49,7 +50,7 @@ def test_there_are_enough_kinds() -> None:
 def test_the_last_round_is_held_out() -> None:
     """All of it and nothing else."""
     assert {kind.round for kind in KINDS} == set(range(1, LAST_ROUND + 1))
-    assert [kind for kind in KINDS if kind.held_out] == list(ELEVENTH_ROUND)
+    assert [kind for kind in KINDS if kind.held_out] == list(TWELFTH_ROUND)
 
 
 @pytest.mark.parametrize(
@@ -67,6 +68,17 @@ def test_a_later_round_has_enough_kinds_of_its_own(kinds: tuple[Kind, ...]) -> N
     assert sum(kind.local for kind in kinds) >= 10
     assert sum(not kind.truth for kind in kinds) >= 6
     assert {truth.split(":")[0] for kind in kinds for truth in kind.truth} >= {*TIMED, *INDEX_MAPS, "metadata"}
+
+
+def test_the_twelfth_round_has_a_kind_of_each_cause() -> None:
+    """One of each but `unknown`, in a stream that was drawn, and six of two causes of different streams."""
+    causes = [kind.truth[0].split(":")[1] for kind in TWELFTH_ROUND if not kind.composite]
+    assert sorted(causes) == sorted(set(CAUSES) - {"unknown"})
+    assert {kind.round for kind in TWELFTH_ROUND} == {12}
+    assert sum(kind.local for kind in TWELFTH_ROUND) >= 15
+    streams = [[truth.split(":")[0] for truth in kind.truth] for kind in TWELFTH_ROUND if kind.composite]
+    assert len(streams) == 6
+    assert all(first != second for first, second in streams)
 
 
 @pytest.mark.parametrize("name", BY_NAME)
@@ -158,26 +170,29 @@ def lies_under(path: str, roots: tuple[str, ...]) -> bool:
 def test_a_planter_alters_what_it_says_and_nothing_else(
     name: str, pair_of: Callable[[str], tuple[Contents, Contents, Plan]]
 ) -> None:
-    """All other values, types and attributes stay, to the bit; nothing comes; what it says differs.
+    """All other values, types and attributes stay, to the bit; nothing is added but a lens; what it says differs.
 
     The type of what it alters is another one, or a dataset goes, only where this is the fault.
     """
     kind = BY_NAME[name]
     old, new, _ = pair_of(name)
     absent = set(old) - set(new)
-    assert set(new) <= set(old)
+    added = set(new) - set(old)
+    assert all("@distortion" in path for path in added)
+    assert bool(added) == (":rectification_misdeclared" in "".join(kind.truth))
+    assert all(lies_under(path, kind.alters) for path in added)
     assert bool(absent) == (":missing_stream" in "".join(kind.truth))
     assert all(lies_under(path, kind.alters) for path in absent)
-    differing = {path for path in old if path in absent or not are_equal(new[path], old[path])}
+    differing = added | {path for path in old if path in absent or not are_equal(new[path], old[path])}
     assert all(lies_under(path, kind.alters) for path in differing)
     for root in kind.alters:
-        inside = [path for path in old if lies_under(path, (root,))]
+        inside = [path for path in {*old, *new} if lies_under(path, (root,))]
         assert inside, root
         # Maps follow from the stamps and change only where those of events or of their frames do.
         if not root.endswith("_to_event"):
             assert differing & set(inside), root
     assert differing
-    retyped = [path for path in new if "@" not in path and new[path].dtype != old[path].dtype]
+    retyped = [path for path in set(new) - added if "@" not in path and new[path].dtype != old[path].dtype]
     assert bool(retyped) == (":wrong_dtype" in "".join(kind.truth))
     assert all(lies_under(path, kind.alters) for path in retyped)
 
@@ -194,6 +209,7 @@ def test_a_planter_alters_what_it_says_and_nothing_else(
         *NINTH_ROUND,
         *TENTH_ROUND,
         *ELEVENTH_ROUND,
+        *TWELFTH_ROUND,
     ],
     ids=lambda kind: kind.name,
 )
