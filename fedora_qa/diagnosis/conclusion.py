@@ -78,6 +78,9 @@ _DOUBLED: Final = 2.0
 """Ratio of a deviation after undoing to the one before, from which undoing counts against the cause: undoing with the
 opposite sign doubles a fault."""
 
+_NEXT_TO_NOTHING: Final = 0.1
+"""Largest part of a deviation that counts as removed. The value is not derived: sizes are fitted to a few percent."""
+
 FEWEST: Final = 20
 """Diagnoses from which the frequency of one cause is used: its standard error is then 0.11 at most. With fewer, that of
 all causes of the status is used."""
@@ -203,14 +206,23 @@ class UndoTrial:
         net = len(self.cleared) - caused - len(self.crashed) if self.cleared else 0
         return net, -sum(ratios) / max(len(ratios), 1)
 
-    def surpasses(self, other: "UndoTrial") -> bool:
-        """Whether undoing this fault clears all findings that undoing the other clears and leaves, and causes none.
+    @property
+    def removed(self) -> frozenset[str]:
+        """Findings that are cleared, or of which the error of a size leaves at most a tenth."""
+        return self.cleared | {finding for finding, ratio in self.left.items() if abs(ratio) <= _NEXT_TO_NOTHING}
 
-        The other fault approximates this one: undoing it leaves or causes findings.
+    def surpasses(self, other: "UndoTrial") -> bool:
+        """Whether undoing this fault removes all that it decides, clears what the other does, and causes no more.
+
+        The other fault approximates this one: of what it leaves or causes, this one leaves half at most.
         """
         cleared = self.cleared_alone or self.cleared
-        is_exact = not (self.left or self.caused or self.crashed)
-        return is_exact and bool(other.left or other.caused) and cleared >= other.cleared | other.left.keys()
+        left = {finding: ratio for finding, ratio in other.left.items() if self.decides((finding,))}
+        is_nearer = all(f in cleared or abs(self.left[f]) <= HALF * abs(ratio) for f, ratio in left.items())
+        causes_less = set(self.caused) < set(other.caused)
+        causes_no_more = not self.crashed and (causes_less or set(self.caused) == set(other.caused))
+        removes_all = cleared >= other.cleared and self.left.keys() <= self.removed
+        return removes_all and is_nearer and causes_no_more and bool(left or causes_less)
 
     def clears_as_much_as(self, other: "UndoTrial") -> bool:
         """Whether undoing this fault clears what undoing the other does, of all findings that its windows decide.

@@ -238,10 +238,10 @@ def choose_causes(
         return candidate.cause in _OF_CLOCKS and clock is not None and clock.place == "out"
 
     def is_surpassed(candidate: CauseCandidate, supported: Sequence[CauseCandidate]) -> bool:
-        """Whether another cause clears all of several checks, of which undoing this one leaves some."""
+        """Whether another cause removes all of several checks, of which undoing this one leaves more."""
         trial = trials.get(candidate.key)
         return trial is not None and any(
-            trials[other.key].surpasses(trial) and len(_checks_cleared(other, codes, trials[other.key])) > 1
+            trials[other.key].surpasses(trial) and len(_checks_removed(other, codes, trials[other.key])) > 1
             for other in supported
             if other.key in trials
         )
@@ -470,10 +470,10 @@ def _tested(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTria
     return replace(candidate, evidence=evidence)
 
 
-def _checks_cleared(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial) -> frozenset[str]:
-    """Return the checks whose findings a trial clears, without those that vanish by construction."""
+def _checks_removed(candidate: CauseCandidate, codes: Mapping[str, str], trial: UndoTrial) -> frozenset[str]:
+    """Return the checks whose findings a trial removes, without those that vanish by construction."""
     return frozenset(
-        check_of_code(codes[f]) for f in trial.cleared if not clears_by_construction(candidate.cause, codes[f])
+        check_of_code(codes[f]) for f in trial.removed if not clears_by_construction(candidate.cause, codes[f])
     )
 
 

@@ -23,7 +23,7 @@ from fedora_qa.diagnosis.clock_grids import places_of_clocks
 from fedora_qa.diagnosis.declared_intrinsics import hypotheses_of_centres, odd_intrinsics
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support, weakened
 from fedora_qa.diagnosis.measured_sizes import length_with_error, rgb_px_per_event_px
-from fedora_qa.estimators.clocks.regular_clock import fit_regular_clock
+from fedora_qa.estimators.clocks.regular_clock import fit_regular_clock, rounding_grid_ns
 from fedora_qa.estimators.events.shift_field import FOCAL_MODELS, ShiftFieldFit, ShiftFieldModel
 from fedora_qa.faults.fault import signed_length
 from fedora_qa.judgement.judge import Alarm
@@ -170,6 +170,7 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         error_ms: float | None = statistic.standard_error if part is None else part.error_ms
         return (
             *offset_hypotheses(size_ms, error_ms, facts, courses.segment),
+            *_of_rounded_frames(size_ms, facts, "delays_of_rounded_frames"),
             Hypothesis("clock_rate", "events", _EVENTS * courses.drift),
             Hypothesis("clock_rate", "rgb", _FRAMES * courses.drift),
             wrong_model,
@@ -298,10 +299,15 @@ def offset_hypotheses(
 def _of_rounded_frames(offset_ms: float, facts: Facts, row: str) -> tuple[Hypothesis, ...]:
     """Return rounded timestamps of the frames where their grid is coarser than an offset; none elsewhere."""
     clock = facts.clocks.get("rgb")
-    fit = fit_regular_clock(clock.times_ns[clock.advancing]) if clock is not None and clock.usable else None
-    if fit is None or fit.grid_ns <= max(abs(offset_ms) * NS_PER_MS, NS_PER_MS):
+    if clock is None or not clock.usable:
         return ()
-    return (Hypothesis("quantised_time", "rgb", support(f"event_response.{row}"), fit.grid_ns / NS_PER_MS, "ms"),)
+    times_ns = clock.times_ns[clock.advancing]
+    fit = fit_regular_clock(times_ns)
+    # Ticks of a timer may be no whole number of microseconds.
+    grid_ns = max(0 if fit is None else fit.grid_ns, rounding_grid_ns(times_ns, resolution_ns=NS_PER_US))
+    if grid_ns <= max(abs(offset_ms) * NS_PER_MS, NS_PER_MS):
+        return ()
+    return (Hypothesis("quantised_time", "rgb", support(f"event_response.{row}"), grid_ns / NS_PER_MS, "ms"),)
 
 
 def _of_rounded_events(offset_ms: float, facts: Facts) -> tuple[Hypothesis, ...]:

@@ -23,3 +23,21 @@ def test_what_clears_because_of_another_fault_is_no_advantage_over_a_rival() -> 
     assert rival.clears_as_much_as(alone)
     assert rival.clears_as_much_as(with_another)
     assert not rival.clears_as_much_as(replace(alone, cleared=frozenset({"F1", "F3"}), left={}))
+
+
+def test_a_fault_that_leaves_less_surpasses_its_approximation() -> None:
+    """Both clear one finding; of another one the error of a size leaves 3%, and the approximation 24%."""
+    approximation = UndoTrial(GravityError("gravity_sign"), "", frozenset({"F1"}), {"F2": -0.24, "F3": 0.4}, ("a",), 4)
+    nearer = UndoTrial(GravityError("gravity_missing"), "", frozenset({"F1", "F3"}), {"F2": 0.03}, ("a",), 4)
+    assert nearer.surpasses(approximation)
+    assert not approximation.surpasses(nearer)
+    assert nearer.removed == {"F1", "F2", "F3"}
+    for no_better in (
+        replace(nearer, left={"F2": 0.15}),  # more than a tenth of a deviation is left
+        replace(approximation, left={"F2": 0.09}, cleared=frozenset({"F3"})),  # what the other clears is not decided
+        replace(nearer, caused=("a", "b")),
+        replace(nearer, crashed=("flow_geometry.endpoint",)),
+        replace(nearer, left={"F2": 0.03, "F4": 0.5}),
+    ):
+        assert not no_better.surpasses(approximation)
+    assert not nearer.surpasses(replace(approximation, left={"F2": 0.05}))

@@ -57,6 +57,14 @@ _SHORT_SEGMENT: Final = 32
 _FEWEST_ODD: Final = 4
 """Least number of steps of the rarer length in a segment. Fewer can be single gaps."""
 
+_TICKS_OF_A_GRID: Final = 10.0
+"""Least length of a grid that is no whole number of ticks, in ticks. Steps between its instants are off their multiples
+by a tick at most, which steps at random are, of 10 ticks, with a probability of 3/10 each: all of 31 in one of 1e16
+cases."""
+
+_FLOAT_NS: Final = 1e-3
+"""Rounding of products of steps, ns."""
+
 _OF_A_GRID: Final = 1.1
 """Largest range of rounded timestamps about the fitted line, in grids. About the true line the range is one grid; the
 fitted line deviates slightly from it."""
@@ -545,16 +553,20 @@ def _rounding_grids_ns(segments: Int64, resolution_ns: int) -> list[int]:
     grids = []
     for times in segments[coarse]:
         steps = np.diff(times)
-        shortest, longest = int(steps.min()), int(steps.max())
+        is_long = 2 * steps > steps.min() + steps.max()
+        if min(np.count_nonzero(is_long), np.count_nonzero(~is_long)) < _FEWEST_ODD:
+            continue
         # Both steps are successive multiples of the grid: their difference is the grid.
-        grid = longest - shortest
-        rarer = min(np.count_nonzero(steps == shortest), np.count_nonzero(steps == longest))
-        if shortest % grid or rarer < _FEWEST_ODD or not np.isin(steps, (shortest, longest)).all():
+        short = float(steps[~is_long].mean())
+        multiples = np.rint(short / (float(steps[is_long].mean()) - short)) + is_long
+        grid = float(steps.sum()) / float(multiples.sum())
+        slack = resolution_ns if grid > _TICKS_OF_A_GRID * resolution_ns else 0
+        if np.abs(steps - multiples * grid).max() > slack + _FLOAT_NS:
             continue
         # Range of the timestamps about the line of least squares.
         numbers = np.arange(len(times)) - (len(times) - 1) / 2
         elapsed = (times - times[0]).astype(np.float64)
         slope = float(numbers @ elapsed) / float(numbers @ numbers)
         if float(np.ptp(elapsed - slope * numbers)) <= _OF_A_GRID * grid:
-            grids.append(grid)
+            grids.append(round(grid))
     return grids

@@ -223,6 +223,17 @@ def test_grid_is_found_or_does_no_harm(grid_us: int, period_us: int) -> None:
         assert found == grid_us * US
 
 
+@given(st.floats(300.0, 14000.0), st.floats(0.0, 1.0), st.sampled_from([5000.0, 20000.0, 1e6 / 30]))
+def test_ticks_that_are_no_whole_microseconds_are_measured(tick_us: float, phase: float, period_us: float) -> None:
+    """The last tick before each instant, in whole microseconds: steps state the grid to their rounding."""
+    ticks = np.floor(period_us * np.arange(200) / tick_us + phase)
+    grid_ns = rounding_grid_ns(np.rint(tick_us * ticks).astype(np.int64) * US, resolution_ns=US)
+    assert grid_ns == 0 or grid_ns == pytest.approx(tick_us * US, rel=1e-3)
+    odd = (period_us / tick_us) % 1.0
+    if 0.15 < odd < 0.85:
+        assert grid_ns > 0
+
+
 @pytest.mark.parametrize("period_us", [1000.0, 5000.0, 33333.0, 1e6 / 30, 1e6 / 29.97])
 def test_whole_microseconds_are_no_grid(period_us: float) -> None:
     """Stamps in the format's own unit are not rounded beyond it, whether the period is whole or not."""
