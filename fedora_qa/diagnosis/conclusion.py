@@ -218,7 +218,8 @@ class UndoTrial:
         """
         cleared = self.cleared_alone or self.cleared
         left = {finding: ratio for finding, ratio in other.left.items() if self.decides((finding,))}
-        is_nearer = all(f in cleared or abs(self.left[f]) <= HALF * abs(ratio) for f, ratio in left.items())
+        # What clears only with another fault undone is no advantage.
+        is_nearer = all(f in cleared or abs(self.left.get(f, 1.0)) <= HALF * abs(ratio) for f, ratio in left.items())
         causes_less = set(self.caused) < set(other.caused)
         causes_no_more = not self.crashed and (causes_less or set(self.caused) == set(other.caused))
         removes_all = cleared >= other.cleared and self.left.keys() <= self.removed

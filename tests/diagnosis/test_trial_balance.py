@@ -41,3 +41,5 @@ def test_a_fault_that_leaves_less_surpasses_its_approximation() -> None:
     ):
         assert not no_better.surpasses(approximation)
     assert not nearer.surpasses(replace(approximation, left={"F2": 0.05}))
+    with_another = replace(nearer, cleared_alone=frozenset({"F1"}))
+    assert not with_another.surpasses(approximation)

@@ -22,7 +22,7 @@ SHARES: Final = (0.12, 0.35)
 """Of the length of a file, the least and the greatest interval of a local fault."""
 
 LAST_ROUND: Final = 12
-"""The round of kinds that nobody has looked at."""
+"""The last round of kinds. It was measured before anybody had looked at its outcomes."""
 
 
 @dataclass(frozen=True, slots=True)
