@@ -214,10 +214,16 @@ class UndoTrial:
     def surpasses(self, other: "UndoTrial") -> bool:
         """Whether undoing this fault removes all that it decides, clears what the other does, and causes no more.
 
-        The other fault approximates this one: of what it leaves or causes, this one leaves half at most.
+        The other fault approximates this one: of what it leaves or causes, this one leaves half at most. What counts as
+        removed is no difference, unless this fault leaves and causes nothing at all.
         """
         cleared = self.cleared_alone or self.cleared
-        left = {finding: ratio for finding, ratio in other.left.items() if self.decides((finding,))}
+        is_exact = not (self.left or self.caused or self.crashed)
+        left = {
+            finding: ratio
+            for finding, ratio in other.left.items()
+            if is_exact or (self.decides((finding,)) and finding not in other.removed)
+        }
         # What clears only with another fault undone is no advantage.
         is_nearer = all(f in cleared or abs(self.left.get(f, 1.0)) <= HALF * abs(ratio) for f, ratio in left.items())
         causes_less = set(self.caused) < set(other.caused)

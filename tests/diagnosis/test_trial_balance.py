@@ -40,6 +40,10 @@ def test_a_fault_that_leaves_less_surpasses_its_approximation() -> None:
         replace(nearer, left={"F2": 0.03, "F4": 0.5}),
     ):
         assert not no_better.surpasses(approximation)
-    assert not nearer.surpasses(replace(approximation, left={"F2": 0.05}))
+    # The error of a size is no difference.
+    assert not nearer.surpasses(replace(approximation, left={"F2": 0.08}))
+    exact = replace(nearer, cleared=frozenset({"F1", "F2"}), left={}, caused=())
+    assert exact.surpasses(replace(approximation, left={"F2": 0.08}))
+    assert not exact.surpasses(approximation), "F3 is not decided"
     with_another = replace(nearer, cleared_alone=frozenset({"F1"}))
     assert not with_another.surpasses(approximation)
