@@ -226,10 +226,10 @@ class UndoTrial:
         }
         # What clears only with another fault undone is no advantage.
         is_nearer = all(f in cleared or abs(self.left.get(f, 1.0)) <= HALF * abs(ratio) for f, ratio in left.items())
-        causes_less = set(self.caused) < set(other.caused)
-        causes_no_more = not self.crashed and (causes_less or set(self.caused) == set(other.caused))
+        caused, caused_by_other = set(self.caused), set(other.caused)
+        causes_no_more = not self.crashed and caused <= caused_by_other
         removes_all = cleared >= other.cleared and self.left.keys() <= self.removed
-        return removes_all and is_nearer and causes_no_more and bool(left or causes_less)
+        return removes_all and is_nearer and causes_no_more and bool(left or caused < caused_by_other)
 
     def clears_as_much_as(self, other: "UndoTrial") -> bool:
         """Whether undoing this fault clears what undoing the other does, of all findings that its windows decide.

@@ -12,6 +12,7 @@ from typing import Final
 from fedora_qa.diagnosis.declared_intrinsics import (
     centres_from_middle,
     film_focal_lengths,
+    hypothesis_of_unit,
     normalised_intrinsics,
     opposite_focal_lengths,
     other_sizes,
@@ -72,10 +73,7 @@ def of_declared_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     ]
     for too_wide in (normalised_intrinsics(facts), film_focal_lengths(facts)):
         # The first unit is the likeliest.
-        hypotheses += [
-            Hypothesis("intrinsics_focal", "metadata", support("metadata.view_too_wide"), fault.magnitude, "percent")
-            for fault in [each for each in too_wide if names & set(each.names)][:1]
-        ]
+        hypotheses += [hypothesis_of_unit(each) for each in too_wide if names & set(each.names)][:1]
     hypotheses += [
         Hypothesis("intrinsics_focal", "metadata", support("metadata.focal_length_not_positive"), fault.magnitude,
                    "percent")

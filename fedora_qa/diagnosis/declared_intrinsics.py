@@ -67,6 +67,11 @@ def transposed_hypothesis(facts: Facts) -> Hypothesis:
     return Hypothesis("intrinsics_centre", "metadata", support("metadata.transposed_K"), size_px, "px")
 
 
+def hypothesis_of_unit(fault: NormalisedIntrinsics | FilmFocalLength) -> Hypothesis:
+    """Return the unit of a focal length as the cause of a view that no lens has."""
+    return Hypothesis("intrinsics_focal", fault.stream, support("metadata.view_too_wide"), fault.magnitude, "percent")
+
+
 def transposed(facts: Facts) -> TransposedIntrinsics:
     """Return the fault by which K is transposed, with the largest displacement of a principal point."""
     cameras = [camera for camera in facts.declared.cameras.values() if is_transposed(camera.K)]

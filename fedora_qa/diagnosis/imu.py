@@ -27,13 +27,7 @@ from fedora_qa.views.inertial_agreement import (
     MotionKind,
     OffsetsApart,
 )
-from fedora_qa.views.sample_defects import (
-    OTHER_WEIGHT,
-    ClippedSamples,
-    HeldComponent,
-    NoiseOfPart,
-    NoWeight,
-)
+from fedora_qa.views.sample_defects import OTHER_WEIGHT, ClippedSamples, HeldComponent, NoiseOfPart, NoWeight
 
 Int64 = NDArray[np.int64]
 

@@ -9,6 +9,7 @@ from fedora_qa.checks.metadata.complete import DeclarationDefect
 from fedora_qa.checks.metadata.units import UnitLabel
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.diagnosis.declared_intrinsics import (
+    hypothesis_of_unit,
     normalised_intrinsics,
     resized_images,
     support_of_resizing,
@@ -96,9 +97,8 @@ def _of_form(facts: Facts) -> Hypothesis:
     """Return the cause of a K that is not [fx 0 cx; 0 fy cy; 0 0 1]."""
     if transposed(facts).magnitude:
         return transposed_hypothesis(facts)
-    for normalised in normalised_intrinsics(facts):
-        supported = support("metadata.view_too_wide")
-        return Hypothesis("intrinsics_focal", "metadata", supported, normalised.magnitude, "percent")
+    if of_units := normalised_intrinsics(facts):
+        return hypothesis_of_unit(of_units[0])
     return Hypothesis("unknown", "metadata", support("metadata.form_of_K"))
 
 

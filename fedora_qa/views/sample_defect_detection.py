@@ -201,7 +201,7 @@ def smooth_interpolation(poses: PoseSamples) -> tuple[SmoothInterpolation, ...]:
 
 
 def noise_of_part(times_ns: NDArray[np.int64], samples: NDArray[np.float64]) -> tuple[NoiseOfPart, ...]:
-    """Return the part of the samples of a sensor, shape (N, 3), that has most noise; nothing where none can be told."""
+    """Return the part of the samples of a sensor, shape (N, 3), that has most noise; none where no part has more."""
     part = noisiest_part(times_ns, VectorSamples(samples), order=NOISE_ORDER)
     if part is None:
         return ()

@@ -24,10 +24,10 @@ HEAD: Final = """\
 
 Written by `make study-named-foreign`, {date}: {files} files with {kinds} kinds of faults, over {scenes},
 {width}x{height} pixels, {duration:g} s, {seeds} sequence(s) of a scene. `tests/benchmarks/foreign_faults` shares no
-code, place or size with the faults that the generator plants. Sizes are log-uniform within the range of their kind. All
-kinds of the last round, the {last_round}, are held out: nobody looks at their outcomes while the diagnosis is built. A
-third of the first round and all of the second to seventh were held out until 2026-11-27, and the eighth to eleventh
-until 2026-11-28; they have been looked at since. Of held-out kinds no outcome is listed.
+code, place or size with the faults that the generator plants. Sizes are log-uniform within the range of their kind. A
+third of the first round and all of the second to seventh were held out until 2026-11-27, and the eighth to twelfth
+until 2026-11-28; they have been looked at since. [What each round gave before](measured.md#held-out-rounds) is stated
+apart. Kinds of the last round, the {last_round}, stand in rows of their own, and no outcome of theirs is listed.
 
 Kinds of the first five rounds were made up, each round unlike those before it. Those of the sixth follow public reports
 of faults, in the proportion in which they were met: 65 of 68 cite an issue or a pull request. Those of the seventh to
