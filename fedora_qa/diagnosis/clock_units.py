@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.clocks.span import StreamEnds
+from fedora_qa.checks.clocks.streams import durations_ns
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS
 from fedora_qa.faults.clocks import TimeUnit
@@ -30,6 +31,10 @@ _TICKS_PER_US: Final = 1e-6
 
 _DIGITS: Final = (1, 2)
 """Significant digits of the rates in Hz that sensors mostly have. The values are not derived."""
+
+_BRIEF: Final = 0.1
+"""Share of the duration of the other streams below which events do not last as long as those of any sequence. Sensors
+give events while the camera moves, and the sequences of a dataset last about as long. The value is not derived."""
 
 _COMPARED: Final = {
     "imu": {"imu.timing"},
@@ -54,6 +59,39 @@ def is_tick_factor(factor: float) -> bool:
 def checks_that_compare(stream: str) -> set[str]:
     """Return the names of the checks that compare the content of a stream with others over its time."""
     return _COMPARED.get(stream_family(stream), set())
+
+
+def units_of_brief_events(facts: Facts) -> tuple[TimeUnit, ...]:
+    """Return units of events that fill less than a tenth of the others: of times cut off to ticks, and of rounded ones.
+
+    The last event is mostly near the end of a sequence, and the first is later by what the first change takes. So the
+    last one gives the factor where the counter began with the file's clock, and the duration elsewhere. Empty for
+    events that fill a tenth or more, and for those of a single instant.
+    """
+    durations = durations_ns(facts)
+    events_ns = durations.pop("events", 0.0)
+    reference_ns = float(np.median(list(durations.values()))) if durations else 0.0
+    if facts.events is None or reference_ns <= 0:
+        return ()
+    factor = events_ns / reference_ns
+    if not 0 < factor < _BRIEF:
+        return ()
+    zero_ns = facts.from_file_us(0.0)
+    first_ns, last_ns = facts.events.first_ns - zero_ns, facts.events.last_ns - zero_ns
+    units = []
+    # Times that were cut off lie half a tick before the middle of theirs. The sequence ends within the last tick, or
+    # with it; of rounded times it ends with the last one.
+    for ticks_to_end, early_ticks in ((0.5, 0.5), (1.0, 0.5), (0.0, 0.0)):
+        begin_ns = 0.0
+        if 0 <= 2 * first_ns < last_ns:
+            factor = (last_ns + ticks_to_end * NS_PER_US) / reference_ns
+        else:
+            others_ns = [clock.times_ns[0] for clock in facts.clocks.values() if clock.usable]
+            begin_ns = float(np.median(others_ns)) - zero_ns - first_ns / factor
+        # t' = p + (t - p) / f is later by d if the pivot p is moved by d / (1 - 1 / f).
+        later_ns = begin_ns + early_ticks * NS_PER_US / factor
+        units.append(TimeUnit("events", factor, zero_ns + round(later_ns / (1 - 1 / factor))))
+    return tuple(units)
 
 
 def factors_of_span(stream: str, ends: StreamEnds, facts: Facts) -> tuple[float, ...]:

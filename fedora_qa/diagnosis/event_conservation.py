@@ -15,6 +15,7 @@ from fedora_qa.checks.event_response.conservation import (
     Violations,
 )
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.diagnosis.clock_units import units_of_brief_events
 from fedora_qa.diagnosis.event_balance import has_spurious_events, hypotheses_of_balance
 from fedora_qa.diagnosis.event_response import whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
@@ -155,7 +156,9 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     by_balance = () if is_measured else hypotheses_of_balance(features, facts.declared.events)
     remaining = _support("beside_a_trial") if by_trial else _support("beside_a_balance") if by_balance else 1.0
     unrelated: tuple[Hypothesis, ...] = ()
-    if not few and unresolved(trials):
+    if units := units_of_brief_events(facts):
+        unrelated = (Hypothesis("time_unit", "events", _support("brief"), units[0].factor, "1"),)
+    elif not few and unresolved(trials):
         unrelated = tuple(
             Hypothesis("other_sequence", stream, _support("other_sequence")) for stream in ("events", "rgb")
         )

@@ -20,6 +20,7 @@ from fedora_qa.checks.event_response.threshold import DomainPreference, EventSte
 from fedora_qa.checks.event_response.timing import DelayCourses, DelayedSegment, OffsetSize
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.diagnosis.clock_grids import places_of_clocks
+from fedora_qa.diagnosis.clock_units import units_of_brief_events
 from fedora_qa.diagnosis.declared_intrinsics import hypotheses_of_centres, odd_intrinsics
 from fedora_qa.diagnosis.hypothesis import Hypothesis, only_feature, support, weakened
 from fedora_qa.diagnosis.measured_sizes import length_with_error, rgb_px_per_event_px
@@ -62,6 +63,9 @@ def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         if facts.events is None or not facts.events.count:
             return (Hypothesis("missing_stream", "events", support("event_response.orientation.no_events")),)
         if not alarm.statistic.features:
+            if units := units_of_brief_events(facts):
+                supported = support("event_response.orientation.brief")
+                return (Hypothesis("time_unit", "events", supported, units[0].factor, "1"),)
             # No orientation correlates; ``event_response.timing`` searches for an offset.
             return (
                 Hypothesis("other_sequence", "events", support("event_response.orientation.other_events")),

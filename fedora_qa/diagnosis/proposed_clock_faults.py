@@ -13,7 +13,7 @@ from fedora_qa.checks.flow_geometry.endpoint import FieldsOff
 from fedora_qa.checks.flow_geometry.interval_timestamps import TimestampPattern
 from fedora_qa.checks.images.order import OutOfOrderIntervals
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
-from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
+from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor, units_of_brief_events
 from fedora_qa.diagnosis.clocks import contradict_timestamps, delay_of, merged_clock_of
 from fedora_qa.diagnosis.depth import frames_between
 from fedora_qa.diagnosis.fitted_cause import Faults, FittedCause
@@ -276,5 +276,9 @@ def time_units(fit: FittedCause) -> Faults:
                 for factor in factors_of_span(stream, ends, fit.facts):
                     own = unit_by_factor(stream, factor, ends, fit.facts)
                     factors.setdefault(factor, own if stream == fit.stream else clocks.TimeUnit(fit.stream, factor))
+    units = units_of_brief_events(fit.facts) if fit.stream == "events" else ()
+    if units and units[0].factor == fit.size:
+        yield from units
+        return
     yield factors.pop(fit.size, clocks.TimeUnit(fit.stream, fit.size))
     yield from factors.values()

@@ -243,6 +243,23 @@ def test_clock_rate_is_told_from_an_offset(path: Path) -> None:
     assert diagnosis.magnitude == pytest.approx(4000, rel=0.2)
 
 
+def test_events_that_count_something_else_are_of_this_sequence(path: Path) -> None:
+    """Numbers of simulated frames, 700 a second, in place of microseconds."""
+    counted = events(lambda e: replace(e, times_ns=e.times_ns * 700 // 10**9 * 1000))
+    counted(log_file()).write(path)
+    diagnosis = first_diagnosis(path)
+    assert (diagnosis.stream, diagnosis.cause, diagnosis.status) == ("events", "time_unit", "supported")
+    assert diagnosis.magnitude == pytest.approx(7e-4, rel=2e-3)
+
+
+def test_events_of_the_first_moments_were_cut_off(path: Path) -> None:
+    """They last as briefly, and agree with the frames of their time."""
+    few = events(lambda e: e.keep(np.flatnonzero(e.times_ns < 60 * MS)))
+    few(log_file()).write(path)
+    diagnosis = first_diagnosis(path)
+    assert (diagnosis.stream, diagnosis.cause) == ("events", "truncated")
+
+
 def test_another_sequence_is_named(path: Path) -> None:
     """Frames of another world leave no agreement at all."""
     other = frames_of(replace(LOG_WORLD, seed=8))

@@ -1,12 +1,14 @@
 """Factors of units that the span of a stream leaves open, and the regular clock from which ticks were rounded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fedora_qa.checks.clocks.span import StreamEnds
-from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor
+from fedora_qa.diagnosis.clock_units import factors_of_span, unit_by_factor, units_of_brief_events
 from fedora_qa.layout.canonical import timestamps_of
-from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.facts import EventScan, Facts
 from tests.support.facts import MS, clock, exact_facts, with_clock
 from tests.support.memory_sequence import memory_sequence
 
@@ -71,3 +73,30 @@ def test_a_counter_that_began_with_its_stream_keeps_the_first_timestamp() -> Non
     facts, _ = in_other_unit("imu", 0.01, start_ms=5000.0)
     ends = StreamEnds(0.0, 1980.0 * MS, 2000.0 * MS)
     assert unit_by_factor("imu", 0.01, ends, facts).pivot_ns == 5000 * MS
+
+
+def with_events(first_ns: int, last_ns: int) -> Facts:
+    """Facts of two seconds whose events lie between two instants."""
+    return replace(exact_facts(), events=EventScan(50_000, first_ns, last_ns, 0, -1, US))
+
+
+@pytest.mark.parametrize("is_cut_off", [True, False])
+@pytest.mark.parametrize(("first_ns", "offset_ns"), [(8 * MS, 0), (8 * MS, 20 * MS)])
+def test_counters_of_events_are_scaled_to_the_other_streams(first_ns: int, offset_ns: int, is_cut_off: bool) -> None:
+    """A counter of 800 Hz, from the file's zero on or from elsewhere: times come back within a tick."""
+    ticks = np.array([first_ns, 1000 * MS, 2000 * MS]) * 800 / 1e9
+    stored_ns = offset_ns + (np.floor(ticks) if is_cut_off else np.rint(ticks)).astype(np.int64) * US
+    facts = with_events(int(stored_ns[0]), int(stored_ns[-1]))
+    unit = units_of_brief_events(facts)[0 if is_cut_off else 2]
+    key = timestamps_of("events")
+    undo = unit.undo(facts, memory_sequence()).rows[key]
+    corrected_ns = undo(lambda a, b: stored_ns[a:b], 0, len(stored_ns))
+    # Where the counter began is unknown, so that the first event, which is 8 ms late, begins with the other streams.
+    late_ns = 0 if offset_ns == 0 else 8 * MS
+    assert corrected_ns[1:] == pytest.approx([1000 * MS - late_ns / 2, 2000 * MS], abs=1.3 * MS)
+
+
+@pytest.mark.parametrize(("first_ns", "last_ns"), [(0, 2000 * MS), (5 * MS, 210 * MS), (5 * MS, 5 * MS)])
+def test_events_that_last_have_no_other_unit(first_ns: int, last_ns: int) -> None:
+    """A tenth of the sequence or more, or a single instant, of which no factor follows."""
+    assert units_of_brief_events(with_events(first_ns, last_ns)) == ()
