@@ -21,7 +21,7 @@ from fedora_qa.estimators.imu.conventions import (
     InertialConvention,
     signed_permutations,
 )
-from fedora_qa.estimators.imu.noisy_part import whitened_squares
+from fedora_qa.estimators.imu.noisy_part import squares_of
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
 from fedora_qa.estimators.imu.sequence_fit import ROTATION, InertialComparison
 from fedora_qa.geometry import so3
@@ -55,7 +55,8 @@ def explain_in_noise(
     InertialConvention or None
         The simplest one that leaves noise alone; None where none does.
     """
-    samples = samples.between(-np.inf, samples.pose_times_s[0] + _LONGEST_S)
+    # Conventions of the poses' orientations alone change what is prepared.
+    samples = comparison.prepared(samples.between(-np.inf, samples.pose_times_s[0] + _LONGEST_S))
     compared = [
         (_squares(altered, noise_of, comparison), convention)
         for convention, altered, noise_of in _conventions(samples, noise, is_rotation=comparison is ROTATION)
@@ -116,5 +117,5 @@ def _conventions(
 
 def _squares(samples: InertialSamples, noise: InertialNoise, comparison: InertialComparison) -> tuple[float, int]:
     """Return the whitened squares of the residuals of samples, and the number of rows."""
-    rows = comparison.rows_of(comparison.prepared(samples), noise)
-    return whitened_squares([rows], [rows.residuals]), len(rows)
+    residuals, covariance_bands = comparison.residuals_of(comparison.prepared(samples), noise)
+    return squares_of(residuals, covariance_bands), len(residuals)

@@ -129,9 +129,15 @@ def noisy_part(
 def whitened_squares(segments: Sequence[ComparisonRows], residuals: Sequence[Float64]) -> float:
     """Return ``r^T C^-1 r`` of residuals (n, 3) of each segment, with the covariance C of its rows."""
     return sum(
-        float(of_segment[:, axis] @ solveh_banded(bands, of_segment[:, axis]))
-        for rows, of_segment in zip(segments, residuals, strict=True)
-        for axis, bands in enumerate(rows.covariance_bands)
+        squares_of(of_segment, rows.covariance_bands) for rows, of_segment in zip(segments, residuals, strict=True)
+    )
+
+
+def squares_of(residuals: Float64, covariance_bands: Float64) -> float:
+    """Return ``r^T C^-1 r`` of residuals (n, 3) with the bands (3, u + 1, n) of their covariance C on each axis."""
+    return sum(
+        float(residuals[:, axis] @ solveh_banded(bands, residuals[:, axis]))
+        for axis, bands in enumerate(covariance_bands)
     )
 
 

@@ -130,38 +130,40 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonR
     cancel. In the body frame they would not cancel. The covariance of the residuals contains these errors, the white
     noise of the gyro, and rounded timestamps.
     """
-    compared = _compare(samples, noise)
-    imu_times_s, poses = samples.imu_times_s, compared.effects.poses
+    compared = _compare(samples)
+    imu_times_s, poses = samples.imu_times_s, compared.poses
     starts_s, stops_s = samples.pose_times_s[poses], samples.pose_times_s[poses + 1]
     # Error of fourth order, from every second sample and half the substeps (Richardson): (fine - coarse) / 15.
     sparse = every_second(len(imu_times_s))
     gyro, substeps = samples.angular_velocities_body_rad_s[sparse], _substeps(imu_times_s, stops_s - starts_s)
     coarse = rotation_increments(imu_times_s[sparse], gyro, starts_s, stops_s, substeps=substeps // 2)
     model_errors = so3.log_quaternion(so3.compose(so3.inverse(coarse), compared.increments)) / RICHARDSON
-    # The bands (3, 2, n), alike on each axis: every source of noise here is isotropic.
-    steps_s = np.diff(samples.pose_times_s)
-    rates = np.linalg.norm(so3.log_quaternion(compared.by_pose), axis=-1) / steps_s
-    # For each pose, the larger rate of the two steps beside it.
-    rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
-    variances = (
-        noise.rotation_sigma_rad**2 + timestamp_scatter(rates) ** 2 + noise.rotation_rounding_rad**2 + _ROUNDING_RAD**2
-    )
-    # The residual is n_k+1 - n_k plus white noise of the gyro, of variance density^2 dt: neighbours share -var(n).
-    own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
-    shared = np.zeros(len(poses))
-    shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)
-    covariance = np.tile(np.array([shared, own]), (3, 1, 1))
+    jacobians = _jacobians(samples, noise, compared)
     return ComparisonRows(
         poses=poses,
         times_s=starts_s,
         spans_s=stops_s - starts_s,
-        residuals=compared.effects.residuals,
+        residuals=compared.residuals,
         model_errors=np.einsum("nij,nj->ni", compared.R_world_end, model_errors),
-        jacobians=compared.effects.jacobians,
-        bias_jacobians=compared.effects.jacobians[..., 3:6],
-        covariance_bands=covariance,
+        jacobians=jacobians,
+        bias_jacobians=jacobians[..., 3:6],
+        covariance_bands=_covariance(samples, noise, compared),
         rounding_bias=rounding_bias(samples, samples.angular_velocities_body_rad_s, noise.gyro_steps, noise.gyro_sigma),
     )
+
+
+def rotation_residuals(samples: InertialSamples, noise: InertialNoise) -> tuple[Float64, Float64]:
+    """Return the residuals (n, 3) and covariance bands (3, 2, n) of ``rotation_rows`` alone.
+
+    Parameters
+    ----------
+    samples
+        Samples of both streams.
+    noise
+        As declared.
+    """
+    compared = _compare(samples)
+    return compared.residuals, _covariance(samples, noise, compared)
 
 
 def rotation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEffects:
@@ -179,7 +181,8 @@ def rotation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEffec
     RowEffects
         Residuals in rad, in the world; jacobians by ``ROTATION_PARAMETERS``.
     """
-    return _compare(samples, noise).effects
+    compared = _compare(samples)
+    return RowEffects(compared.poses, compared.residuals, _jacobians(samples, noise, compared))
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,8 +191,12 @@ class _GyroComparison:
 
     Attributes
     ----------
-    effects
-        Residuals and jacobians of the rows.
+    poses
+        (n,) pose at which each compared step starts.
+    residuals
+        (n, 3) rad, in the world.
+    rate, integral
+        Splines of the gyro and of its integral.
     increments
         (n, 4) rotation of each compared step by the gyro.
     by_pose
@@ -198,33 +205,44 @@ class _GyroComparison:
         (n, 3, 3) orientation at the end of each compared step.
     """
 
-    effects: RowEffects
+    poses: NDArray[np.intp]
+    residuals: Float64
+    rate: CubicSpline
+    integral: PPoly
     increments: Float64
     by_pose: Float64
     R_world_end: Float64
 
 
-def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
-    imu_times_s, gyro = samples.imu_times_s, samples.angular_velocities_body_rad_s
+def _compare(samples: InertialSamples) -> _GyroComparison:
+    imu_times_s = samples.imu_times_s
     starts_s, stops_s = samples.pose_times_s[:-1], samples.pose_times_s[1:]
     steps_s = stops_s - starts_s
     # Wider gaps between poses are left out: the number of substeps follows from the median gap.
     widest_s = WIDEST_GAP_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0
     poses = np.flatnonzero(covered(imu_times_s, starts_s, stops_s) & (steps_s <= widest_s))
     starts_s, stops_s = starts_s[poses], stops_s[poses]
-    rate = CubicSpline(imu_times_s, gyro)
+    rate = CubicSpline(imu_times_s, samples.angular_velocities_body_rad_s)
     integral = rate.antiderivative()
     increments = _increments(rate, integral, starts_s, stops_s, _substeps(imu_times_s, stops_s - starts_s))
     by_pose = so3.compose(so3.inverse(samples.orientations_xyzw[:-1]), samples.orientations_xyzw[1:])
     R_world_end = so3.matrices_from_quaternions(samples.orientations_xyzw[poses + 1])
     # r = Log(increment^-1 q_k^-1 q_k+1), in the body frame at the end of the step.
     residuals = so3.log_quaternion(so3.compose(so3.inverse(increments), by_pose[poses]))
+    residuals = np.einsum("nij,nj->ni", R_world_end, residuals)
+    return _GyroComparison(poses, residuals, rate, integral, increments, by_pose, R_world_end)
+
+
+def _jacobians(samples: InertialSamples, noise: InertialNoise, compared: _GyroComparison) -> Float64:
+    """Return the derivatives (n, 3, P) of the residuals by ``ROTATION_PARAMETERS``."""
+    starts_s, stops_s = samples.pose_times_s[compared.poses], samples.pose_times_s[compared.poses + 1]
+    rate, integral = compared.rate, compared.integral
     if noise.smoothing_s > 0:
-        rate = CubicSpline(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s))
+        gyro = smoothed(samples.imu_times_s, samples.angular_velocities_body_rad_s, noise.smoothing_s)
+        rate = CubicSpline(samples.imu_times_s, gyro)
         integral = rate.antiderivative()
-    # Jacobians (n, 3, P) of the residuals by ROTATION_PARAMETERS. The measured rate is
-    # (1 + scale) Exp(tilt) w(t - offset - drift t) + bias. A parameter changes an increment by the integral of the
-    # change of the rate, and the residual by minus that.
+    # The measured rate is (1 + scale) Exp(tilt) w(t - offset - drift t) + bias. A parameter changes an increment by the
+    # integral of the change of the rate, and the residual by minus that.
     w0, w1 = rate(starts_s), rate(stops_s)
     turn = integral(stops_s) - integral(starts_s)
     # Integral of t w'(t) dt = [t w] - integral of w dt, by parts.
@@ -244,9 +262,24 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
     # A change arises anywhere in the interval: on the mean, half of the interval's turn remains to its end, to first
     # order.
     R_end_mean = unit - 0.5 * so3.cross_matrices(turn)
-    jacobians = R_world_end @ (-R_end_mean @ changes)
-    effects = RowEffects(poses, np.einsum("nij,nj->ni", R_world_end, residuals), jacobians)
-    return _GyroComparison(effects, increments, by_pose, R_world_end)
+    jacobians: Float64 = compared.R_world_end @ (-R_end_mean @ changes)
+    return jacobians
+
+
+def _covariance(samples: InertialSamples, noise: InertialNoise, compared: _GyroComparison) -> Float64:
+    """Return the bands (3, 2, n) of the covariance, rad^2, alike on each axis: every source of noise is isotropic."""
+    poses, steps_s = compared.poses, np.diff(samples.pose_times_s)
+    rates = np.linalg.norm(so3.log_quaternion(compared.by_pose), axis=-1) / steps_s
+    # For each pose, the larger rate of the two steps beside it.
+    rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
+    variances = (
+        noise.rotation_sigma_rad**2 + timestamp_scatter(rates) ** 2 + noise.rotation_rounding_rad**2 + _ROUNDING_RAD**2
+    )
+    # The residual is n_k+1 - n_k plus white noise of the gyro, of variance density^2 dt: neighbours share -var(n).
+    own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
+    shared = np.zeros(len(poses))
+    shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)
+    return np.tile(np.array([shared, own]), (3, 1, 1))
 
 
 def _substeps(imu_times_s: Float64, steps_s: Float64) -> int:

@@ -22,6 +22,7 @@ from fedora_qa.estimators.imu.bias_walk import SegmentWalk
 from fedora_qa.estimators.imu.preintegration import (
     ROTATION_PARAMETERS,
     rotation_effects,
+    rotation_residuals,
     rotation_rows,
     without_rotation_faults,
 )
@@ -29,6 +30,7 @@ from fedora_qa.estimators.imu.samples import ComparisonRows, InertialNoise, Iner
 from fedora_qa.estimators.imu.specific_force import (
     TRANSLATION_PARAMETERS,
     translation_effects,
+    translation_residuals,
     translation_rows,
     with_orientations,
     without_translation_faults,
@@ -67,6 +69,8 @@ class InertialComparison:
     ----------
     rows_of, effects_of
         Make the rows of samples under declared noise, and the parts of the rows that noise of the samples changes.
+    residuals_of
+        Makes the residuals (n, 3) of the rows and their covariance bands (3, u + 1, n) alone.
     prepared
         Adds to samples an intermediate result that several of these functions need.
     parameters
@@ -83,6 +87,7 @@ class InertialComparison:
 
     rows_of: Callable[[InertialSamples, InertialNoise], ComparisonRows]
     effects_of: Callable[[InertialSamples, InertialNoise], RowEffects]
+    residuals_of: Callable[[InertialSamples, InertialNoise], tuple[Float64, Float64]]
     prepared: Callable[[InertialSamples], InertialSamples]
     parameters: FitParameters
     without: Callable[[InertialSamples, Float64], InertialSamples]
@@ -94,6 +99,7 @@ class InertialComparison:
 ROTATION: Final = InertialComparison(
     rows_of=rotation_rows,
     effects_of=rotation_effects,
+    residuals_of=rotation_residuals,
     prepared=lambda samples: samples,
     parameters=ROTATION_PARAMETERS,
     without=without_rotation_faults,
@@ -104,6 +110,7 @@ ROTATION: Final = InertialComparison(
 TRANSLATION: Final = InertialComparison(
     rows_of=translation_rows,
     effects_of=translation_effects,
+    residuals_of=translation_residuals,
     prepared=with_orientations,
     parameters=TRANSLATION_PARAMETERS,
     without=without_translation_faults,

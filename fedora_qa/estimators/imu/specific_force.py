@@ -147,6 +147,27 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Comparis
     )
 
 
+def translation_residuals(samples: InertialSamples, noise: InertialNoise) -> tuple[Float64, Float64]:
+    """Return the residuals (n, 3) and covariance bands (3, 3, n) of ``translation_rows`` alone.
+
+    Parameters
+    ----------
+    samples
+        Samples of both streams.
+    noise
+        Noise and gravity as declared.
+    """
+    times_s = samples.pose_times_s
+    accelerations, finite = _in_world(samples, noise.gravity_m_s2)
+    imu_times_s, accelerations = samples.imu_times_s[finite], accelerations[finite]
+    poses = _compared_poses(imu_times_s, times_s)
+    if not len(poses):
+        return np.empty((0, 3)), np.empty((3, 3, 0))
+    by_force = _second_differences(times_s, integrated_twice(imu_times_s, accelerations.T, times_s), poses)
+    by_position = _second_differences(times_s, samples.positions_world_m.T, poses)
+    return by_position - by_force, _covariance(samples, noise, poses, accelerations)
+
+
 def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEffects:
     """Return the residuals and jacobians of ``translation_rows`` alone.
 
@@ -166,9 +187,7 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEf
     times_s, columns = samples.pose_times_s, len(TRANSLATION_PARAMETERS.names)
     accelerations, finite = _in_world(samples, noise.gravity_m_s2)
     imu_times_s = samples.imu_times_s[finite]
-    poses = np.empty(0, np.intp)
-    if len(imu_times_s) > 1 and len(times_s) > 2:
-        poses = 1 + np.flatnonzero(covered(imu_times_s, times_s[:-2], times_s[2:]))
+    poses = _compared_poses(imu_times_s, times_s)
     if not len(poses):
         return RowEffects(poses, np.empty((0, 3)), np.empty((0, 3, columns)))
     # Curves (27, M) that are integrated twice: acceleration, and its derivatives by TRANSLATION_PARAMETERS or parts of
@@ -244,6 +263,13 @@ def upright(samples: InertialSamples) -> InertialSamples:
         R_world_imu=None,
         turn_xyzw=so3.compose(turn, samples.turn_xyzw),
     )
+
+
+def _compared_poses(imu_times_s: Float64, times_s: Float64) -> NDArray[np.intp]:
+    """Return the poses that instants of the IMU (M,) cover from the pose before to the pose after, of times (P,)."""
+    if len(imu_times_s) < 2 or len(times_s) < 3:
+        return np.empty(0, np.intp)
+    return 1 + np.flatnonzero(covered(imu_times_s, times_s[:-2], times_s[2:]))
 
 
 def _in_world(samples: InertialSamples, gravity_m_s2: float) -> tuple[Float64, NDArray[np.bool_]]:

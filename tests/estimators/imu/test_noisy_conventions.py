@@ -7,7 +7,7 @@ import pytest
 
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.estimators.imu.noisy_conventions import explain_in_noise
-from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION
+from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, InertialComparison
 from tests.estimators.imu.test_conventions import FORCE_CASES, RATE_CASES, is_like
 from tests.support.motion_world import NOISY, sample_motion
 
@@ -45,3 +45,15 @@ def test_streams_of_two_flights_have_no_convention() -> None:
     samples = sample_motion(noise=NOISY)
     other = replace(samples, angular_velocities_body_rad_s=2.5 * samples.angular_velocities_body_rad_s[::-1] + 1.0)
     assert explain_in_noise(other, NOISY, ROTATION) is None
+
+
+@pytest.mark.parametrize("comparison", [ROTATION, TRANSLATION], ids=["rotation", "translation"])
+def test_residuals_alone_are_those_of_the_rows(comparison: InertialComparison) -> None:
+    """To the bit, with their covariance; of too few samples there are none."""
+    samples = comparison.prepared(sample_motion(noise=NOISY))
+    rows = comparison.rows_of(samples, NOISY)
+    residuals, covariance_bands = comparison.residuals_of(samples, NOISY)
+    np.testing.assert_array_equal(residuals, rows.residuals)
+    np.testing.assert_array_equal(covariance_bands, rows.covariance_bands)
+    nowhere = comparison.prepared(replace(samples, imu_times_s=samples.imu_times_s + 100.0, R_world_imu=None))
+    assert len(comparison.residuals_of(nowhere, NOISY)[0]) == 0
