@@ -196,16 +196,19 @@ class GroupedFit:
         self.misfit = float(np.sqrt(max(self._sums.squares - explained, 0.0) / max(rows - count, 1)))
         """Root mean square of the whitened residuals after all parameters are fitted; 1 where the noise model holds."""
         self.free, self._explained = self._select()
+        self._fitted: dict[str, ParameterEstimate] = {}
 
     def fitted(self) -> dict[str, ParameterEstimate]:
-        """Fit every parameter: the freed groups together, every other group alone beside the freed ones.
+        """Fit every parameter, once: the freed groups together, every other group alone beside the freed ones.
 
         Returns
         -------
         dict[str, ParameterEstimate]
             The estimates, by the name of the parameter.
         """
-        fitted: dict[str, ParameterEstimate] = {}
+        fitted = self._fitted
+        if fitted:
+            return fitted
         for group in self.parameters.groups:
             columns = self._columns((*self.free, group) if group not in self.free else self.free)
             inverse = inverse_of(self._normal[np.ix_(columns, columns)])

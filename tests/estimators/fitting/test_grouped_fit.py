@@ -70,6 +70,7 @@ def test_a_fault_frees_its_own_group_only() -> None:
     values = np.array([0.0, 2.0, 0.0, -1.0])
     fit = GroupedFit(blocks(values), PARAMETERS, AT_ZERO)
     fitted = fit.fitted()
+    assert fit.fitted() is fitted
     assert fit.free == ("slope",)
     assert not fitted["offset"].free
     assert abs(fitted["offset"].value) < 5 * fitted["offset"].standard_error
