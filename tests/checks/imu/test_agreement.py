@@ -136,10 +136,11 @@ def test_clean_streams_pass(path: Path, clean: MotionFile) -> None:
 
 def test_what_noise_hides_is_never_a_failure(path: Path) -> None:
     """What hovering cannot show in noise is not observable: timing says what it would take."""
-    found = outcomes(MotionFile(sample_motion(HOVER, NOISY), NOISY).write(path))
-    assert set(found.values()) == {"passed", "not_observable"}
-    assert found["imu.timing"] == "not_observable"
-    assert "detection limit too large" in run_check(path, "imu.timing").reason
+    results = measured_record(MotionFile(sample_motion(HOVER, NOISY), NOISY).write(path), *CHECKS).results
+    assert {result.outcome for result in results} == {"passed", "not_observable"}
+    timing = next(result for result in results if result.check == "imu.timing")
+    assert timing.outcome == "not_observable"
+    assert "detection limit too large" in timing.reason
 
 
 def test_perfect_rest_is_never_a_failure(path: Path) -> None:
