@@ -156,16 +156,16 @@ def test_from_python(given: None, sequence: Path) -> None:
             package.repair(*arguments)
 
 
-def test_a_fault_is_found_confirmed_and_repaired(small_park_day: Path, tmp_path: Path, fedora_qa: Command) -> None:
+def test_a_fault_is_found_confirmed_and_repaired(tiny_park_day: Path, tmp_path: Path, fedora_qa: Command) -> None:
     """Flow that points backwards: the diagnosis undoes it, the repair writes the clean rows to the bit."""
     faulty, repaired = tmp_path / "backwards.h5", tmp_path / "repaired.h5"
-    faulty.write_bytes(small_park_day.read_bytes())
+    faulty.write_bytes(tiny_park_day.read_bytes())
     with h5py.File(faulty, "r+") as file:
         for rate in ("10hz", "25hz", "50hz"):
             file[f"path/flow/{rate}"][...] *= -1
     done = fedora_qa("repair", faulty, "-o", repaired)
     assert (done.code, "flow points backwards" in done.out) == (0, True), done.out + done.err
-    with h5py.File(small_park_day) as clean, h5py.File(repaired) as file:
+    with h5py.File(tiny_park_day) as clean, h5py.File(repaired) as file:
         for rate in ("10hz", "25hz", "50hz"):
             key = f"path/flow/{rate}"
             assert clean[key][()].tobytes() == file[key][()].tobytes()
