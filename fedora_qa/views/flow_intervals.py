@@ -1,7 +1,7 @@
 """Fields of flow of a window: intervals, frames and body poses at their ends, and the camera's motion."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -176,6 +176,7 @@ class PoseTrack:
 
     poses: PoseSamples
     camera: Camera
+    _at: dict[bytes, tuple[Float64, Float64]] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def motion(self, start_ns: int, end_ns: int) -> RigidMotion | None:
         """Return how points move in the camera frame between two instants; None where no pose covers either.
@@ -226,8 +227,14 @@ class PoseTrack:
         return (R[0], positions_m[0]), (R[1], positions_m[1])
 
     def poses_at(self, at_ns: NDArray[np.int64]) -> tuple[Float64, Float64]:
-        """Return R_world_body (n, 3, 3) and positions (n, 3) m at instants (n,); NaN where no pose covers one."""
-        return poses_at(self.poses, at_ns)
+        """Return R_world_body (n, 3, 3) and positions (n, 3) m at instants (n,); NaN where no pose covers one.
+
+        They are interpolated once: many conventions are tried at the same instants.
+        """
+        instants = at_ns.tobytes()
+        if instants not in self._at:
+            self._at[instants] = poses_at(self.poses, at_ns)
+        return self._at[instants]
 
     def covariance(self, start_ns: int, end_ns: int, position_sigma_m: float, rotation_sigma_rad: float) -> Float64:
         """Return the covariance of the motion's twist under declared pose noise.

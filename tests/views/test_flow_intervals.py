@@ -1,5 +1,7 @@
 """Motion between two poses of a track, and how its errors follow from those of the poses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -7,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from fedora_qa.geometry.motion import interpolation_gains
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.window import PoseSamples
-from fedora_qa.views.flow_intervals import PoseTrack
+from fedora_qa.views import flow_intervals
+from fedora_qa.views.flow_intervals import PoseTrack, poses_at
 
 POSITION_BOUNDS_M = np.array([5e-5, 2e-5, 1e-4])
 QUATERNION_BOUNDS = np.array([5e-7, 1e-6, 2e-7, 3e-7])
@@ -72,3 +75,25 @@ def test_rounded_poses_stay_within_the_twists(between_ns: int) -> None:
     assert np.all(reached > 0.4 * largest)
     gains = interpolation_gains(poses.times_ns, at_ns=np.array([start_ns, end_ns]))
     assert gains == pytest.approx(np.full(2, 356 / 256 if between_ns else 1.0))
+
+
+def test_poses_at_the_same_instants_are_interpolated_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of one track; a track with other poses has its own."""
+    interpolated = []
+
+    def counted(poses: PoseSamples, at_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        interpolated.append(tuple(at_ns))
+        return poses_at(poses, at_ns)
+
+    monkeypatch.setattr(flow_intervals, "poses_at", counted)
+    of_all = track()
+    first = of_all.ends(50_000_000, 70_000_001)
+    assert all(np.array_equal(a, b) for a, b in zip(first[1], of_all.ends(50_000_000, 70_000_001)[1], strict=True))
+    assert of_all.motion(50_000_000, 70_000_001) is not None
+    assert interpolated == [(50_000_000, 70_000_001)]
+    poses = of_all.poses
+    higher = replace(
+        of_all, poses=replace(poses, positions_world_m=poses.positions_world_m + np.array([0.0, 0.0, 1.0]))
+    )
+    np.testing.assert_allclose(higher.ends(50_000_000, 70_000_001)[1][1] - first[1][1], [0.0, 0.0, 1.0])
+    assert len(interpolated) == 2

@@ -144,7 +144,7 @@ def _colour_sums(window: Window) -> ColourSums | None:
         rgb = turned_frame(window, window.rgb(int(frame)))
         count_codes(rgb, _SAMPLED_EVERY_PX, codes)
         prints = event_footprints(window, (rgb.shape[0], rgb.shape[1]))
-        of_channels_dn2 = channel_noise_variances(linear_dn[spread_patches(rgb)])
+        of_channels_dn2 = window.derived_image(_channel_noise_dn2, int(frame))
         of_rows, of_columns = ((axis.edge_aware.weights**2).sum(axis=1) for axis in (prints.rows, prints.columns))
         for at_frame, rgb_dn in zip((at_start, at_end), colours, strict=True):
             rgb_dn[at_frame] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_frame])
@@ -164,6 +164,12 @@ def _colour_sums(window: Window) -> ColourSums | None:
 
     by_curve = tuple(sums(curve, pairs) for curve in _curves(transfer))
     return ColourSums(len(pairs), by_curve, sums(transfer, pairs.with_straight_lines()), codes)
+
+
+def _channel_noise_dn2(window: Window, frame: int) -> NDArray[np.float64]:
+    """Return the variances (3,) of noise of single channels in a colour frame, DN^2 of linear light."""
+    patches = spread_patches(turned_frame(window, window.rgb(frame)))
+    return channel_noise_variances(to_linear(np.arange(256.0), window.facts.declared.transfer)[patches])
 
 
 def _curves(declared: str) -> tuple[str, ...]:
