@@ -8,6 +8,7 @@ errors, and one fault changes one group.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -196,19 +197,14 @@ class GroupedFit:
         self.misfit = float(np.sqrt(max(self._sums.squares - explained, 0.0) / max(rows - count, 1)))
         """Root mean square of the whitened residuals after all parameters are fitted; 1 where the noise model holds."""
         self.free, self._explained = self._select()
-        self._fitted: dict[str, ParameterEstimate] = {}
 
-    def fitted(self) -> dict[str, ParameterEstimate]:
-        """Fit every parameter, once: the freed groups together, every other group alone beside the freed ones.
+    @cached_property
+    def estimates(self) -> Mapping[str, ParameterEstimate]:
+        """Of every parameter by name: the freed groups fitted together, every other group alone beside the freed ones.
 
-        Returns
-        -------
-        dict[str, ParameterEstimate]
-            The estimates, by the name of the parameter.
+        Several results need them, and they are fitted once.
         """
-        fitted = self._fitted
-        if fitted:
-            return fitted
+        estimates: dict[str, ParameterEstimate] = {}
         for group in self.parameters.groups:
             columns = self._columns((*self.free, group) if group not in self.free else self.free)
             inverse = inverse_of(self._normal[np.ix_(columns, columns)])
@@ -231,11 +227,11 @@ class GroupedFit:
                 largest_error = self.parameters.useful[column] / DETECTION_SIGMAS
                 determined = not nominal_error <= largest_error < errors[row]
                 model_error = model_errors[row] if determined else max(model_errors[row], abs(values[row]))
-                fitted[self.parameters.names[column]] = ParameterEstimate(
+                estimates[self.parameters.names[column]] = ParameterEstimate(
                     float(values[row]), float(errors[row]), float(model_error), bool(determined),
                     group in self.free, self._explained[group], instead,
                 )  # fmt: skip
-        return fitted
+        return estimates
 
     def _instead_of(self, group: str) -> dict[str, tuple[float, ...]]:
         """Return the values of each group that was not freed, fitted in place of a freed one beside the others."""

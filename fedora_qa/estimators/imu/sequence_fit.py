@@ -182,7 +182,7 @@ def _converged(
         free = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
         if first is None:
             disturbed, declared = disturbed_interval(segments), segments
-        fitted = fit.fitted()
+        fitted = fit.estimates
         errors = np.array([fitted[name].standard_error for name in fit.parameters.names])
         # Converged: no parameter moves by more than a hundredth of its error.
         if np.all(np.abs(free - linearised_at) <= 0.01 * errors):

@@ -504,7 +504,7 @@ def summarise(
         if in_noise is not None and in_noise.explained >= _LEAST_EXPLAINED:
             bias = in_noise
     return InertialFit(
-        parameters=fit.fitted(),
+        parameters=fit.estimates,
         settled=settled,
         misfit=fit.misfit,
         rms=rms,

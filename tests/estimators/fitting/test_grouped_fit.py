@@ -60,7 +60,7 @@ def test_noise_frees_nothing_and_its_errors_hold() -> None:
     for seed in range(0, 400, 8):
         fit = GroupedFit(blocks(AT_ZERO, first_seed=seed), PARAMETERS, AT_ZERO)
         assert fit.free == ()
-        deviations += [one.value / one.standard_error for one in fit.fitted().values()]
+        deviations += [one.value / one.standard_error for one in fit.estimates.values()]
     assert 0.7 < np.std(deviations) < 1.1
     assert np.max(np.abs(deviations)) < 4.5
 
@@ -69,8 +69,7 @@ def test_a_fault_frees_its_own_group_only() -> None:
     """A group that is off is freed and found to size; the other is tested beside it and stays at 0."""
     values = np.array([0.0, 2.0, 0.0, -1.0])
     fit = GroupedFit(blocks(values), PARAMETERS, AT_ZERO)
-    fitted = fit.fitted()
-    assert fit.fitted() is fitted
+    fitted = fit.estimates
     assert fit.free == ("slope",)
     assert not fitted["offset"].free
     assert abs(fitted["offset"].value) < 5 * fitted["offset"].standard_error
@@ -91,7 +90,7 @@ def test_values_count_from_zero_wherever_it_was_linearised() -> None:
 
 def test_excess_noise_widens_the_errors_and_frees_nothing() -> None:
     """Noise of five times the declared size frees no group, and all errors grow fivefold."""
-    quiet = GroupedFit(blocks(AT_ZERO), PARAMETERS, AT_ZERO).fitted()
+    quiet = GroupedFit(blocks(AT_ZERO), PARAMETERS, AT_ZERO).estimates
     loud_blocks = []
     for seed in range(8):
         jacobians, residuals = rows(AT_ZERO, seed)
@@ -99,7 +98,7 @@ def test_excess_noise_widens_the_errors_and_frees_nothing() -> None:
     loud = GroupedFit(loud_blocks, PARAMETERS, AT_ZERO)
     assert loud.free == ()
     assert loud.misfit == pytest.approx(5, rel=0.1)
-    for name, one in loud.fitted().items():
+    for name, one in loud.estimates.items():
         assert one.standard_error > 4 * quiet[name].standard_error
 
 
@@ -110,7 +109,7 @@ def test_what_the_data_do_not_show_is_as_uncertain_as_it_can_be() -> None:
     fit = GroupedFit(
         [block_equations(residuals, jacobians, alike(banded(60)[0]), np.zeros_like(residuals))], PARAMETERS, AT_ZERO
     )
-    assert fit.fitted()["offset"].standard_error == pytest.approx(1e3, rel=0.2)
+    assert fit.estimates["offset"].standard_error == pytest.approx(1e3, rel=0.2)
 
 
 def test_known_error_of_the_model_is_carried_to_the_parameters() -> None:
@@ -119,7 +118,7 @@ def test_known_error_of_the_model_is_carried_to_the_parameters() -> None:
     for seed in range(4):
         jacobians, residuals = rows(AT_ZERO, seed)
         made.append(block_equations(residuals, jacobians, alike(banded(60)[0]), 0.01 * jacobians[..., 0]))
-    assert GroupedFit(made, PARAMETERS, AT_ZERO).fitted()["offset"].model_error == pytest.approx(0.01, rel=1e-6)
+    assert GroupedFit(made, PARAMETERS, AT_ZERO).estimates["offset"].model_error == pytest.approx(0.01, rel=1e-6)
 
 
 def test_nuisances_are_eliminated_as_in_a_joint_solution() -> None:
@@ -183,7 +182,7 @@ def test_noise_that_regressors_share_with_residuals_is_taken_off(motion: float) 
             parameters,
             np.zeros(1),
             scatters=[block_equations(other, other[..., None], white, nothing)],
-        ).fitted()["gain"]
+        ).estimates["gain"]
         assert not found.free
         deviations.append(found.value / found.standard_error)
     assert abs(np.mean(deviations)) < 0.4
@@ -208,11 +207,11 @@ def test_collinear_parameters_that_absorb_an_unknown_residual_measure_nothing() 
     """A sine of 0.1 gives values of 100, whose whole size counts as model error; without it the offset is measured."""
     absorbed = nearly_collinear(0.1)
     assert set(absorbed.free) == {"offset", "gain"}
-    for parameter in absorbed.fitted().values():
+    for parameter in absorbed.estimates.values():
         assert abs(parameter.value) > 10
         assert not parameter.determined
         assert parameter.model_error == abs(parameter.value)
-    offset = nearly_collinear(0.0).fitted()["offset"]
+    offset = nearly_collinear(0.0).estimates["offset"]
     assert offset.value == pytest.approx(0.1)
     assert offset.determined
 
@@ -239,16 +238,16 @@ def on_axes(values: NDArray[np.float64], number: int = 8, count: int = 50) -> li
 def test_orthogonal_groups_explain_their_own_squares() -> None:
     """Of values 2, 1 and 3 on three axes the squares are 5 and 9 of 14; what the first leaves, the second explains."""
     fit = GroupedFit(on_axes(np.array([2.0, 1.0, 3.0])), AXES, np.zeros(3))
-    fitted = fit.fitted()
+    fitted = fit.estimates
     assert fit.free == ("offset", "bias")
     assert fitted["offset"].explained == pytest.approx({"offset": 9 / 14, "bias": 5 / 14})
     assert fitted["bias_x"].explained == pytest.approx({"offset": 9 / 14, "bias": 1.0})
 
 
 def test_groups_that_are_not_free_leave_their_rivals_all_they_explain() -> None:
-    fitted = GroupedFit(on_axes(np.array([0.0, 0.0, 3.0])), AXES, np.zeros(3)).fitted()
+    fitted = GroupedFit(on_axes(np.array([0.0, 0.0, 3.0])), AXES, np.zeros(3)).estimates
     assert fitted["bias_y"].explained == pytest.approx({"offset": 1.0})
-    silent = GroupedFit(on_axes(np.zeros(3)), AXES, np.zeros(3)).fitted()
+    silent = GroupedFit(on_axes(np.zeros(3)), AXES, np.zeros(3)).estimates
     assert silent["bias_y"].explained == {}
 
 
@@ -258,7 +257,7 @@ def test_biases_of_segments_move_their_own_parameter_at_most_by_their_mean(value
     bounds = np.zeros((8, 2))
     bounds[:, 0], bounds[3, 1] = np.arange(8.0), 4.0
     fit = GroupedFit(on_axes(np.array(values)), AXES, np.zeros(3), segment_biases=bounds)
-    fitted = fit.fitted()
+    fitted = fit.estimates
     assert [fitted[name].model_error for name in AXES.names] == pytest.approx([28 / 8, 4 / 8, 0.0], abs=1e-6)
     mean_bounds = bounds.mean(axis=0) if fit.free else np.zeros(2)
     for axis, name in enumerate(AXES.names[:2]):
@@ -279,10 +278,10 @@ def with_means(means: NDArray[np.float64], noise: float, count: int = 50) -> Gro
 def test_segments_that_scatter_give_the_error_of_their_mean() -> None:
     """Of eight means about 0 it is their standard deviation over the root of eight; three are too few to tell."""
     means = np.array([0.5, -0.7, 0.1, 0.9, -0.4, -0.8, 0.6, -0.2])
-    error = with_means(means, 0.1).fitted()["offset"].standard_error
+    error = with_means(means, 0.1).estimates["offset"].standard_error
     assert error == pytest.approx(means.std(ddof=1) / np.sqrt(8), rel=1e-6)
     few = with_means(np.array([0.5, -0.7, 0.2]), 0.1)
-    assert few.fitted()["offset"].standard_error == pytest.approx(max(1.0, few.misfit) / np.sqrt(3 * 150), rel=1e-6)
+    assert few.estimates["offset"].standard_error == pytest.approx(max(1.0, few.misfit) / np.sqrt(3 * 150), rel=1e-6)
 
 
 @pytest.mark.parametrize("noise", [0.5, 1.0, 3.0])
@@ -290,7 +289,7 @@ def test_segments_that_agree_have_the_error_of_their_rows(noise: float) -> None:
     """The rms of 1200 rows over their root, never less than declared; one parameter was fitted."""
     fit = with_means(np.zeros(8), noise)
     assert fit.misfit == pytest.approx(noise * np.sqrt(1200 / 1199), rel=1e-6)
-    assert fit.fitted()["offset"].standard_error == pytest.approx(max(1.0, fit.misfit) / np.sqrt(1200), rel=1e-6)
+    assert fit.estimates["offset"].standard_error == pytest.approx(max(1.0, fit.misfit) / np.sqrt(1200), rel=1e-6)
     local = fit.local("offset")
     np.testing.assert_allclose(local.standard_errors, max(1.0, fit.misfit) / np.sqrt(150), rtol=1e-6)
 
@@ -298,5 +297,5 @@ def test_segments_that_agree_have_the_error_of_their_rows(noise: float) -> None:
 def test_few_segments_that_scatter_by_chance_are_seldom_taken_to_differ() -> None:
     """Means of four segments scatter as their 150 rows say: the error of their mean is widened once in a hundred."""
     means = np.random.default_rng(7).normal(0, 150**-0.5, (2000, 4))
-    errors = [with_means(row, 0.9).fitted()["offset"].standard_error for row in means]
+    errors = [with_means(row, 0.9).estimates["offset"].standard_error for row in means]
     assert 0.004 < np.mean(np.array(errors) > 1.01 / np.sqrt(600)) < 0.02
