@@ -10,7 +10,7 @@ from tests.benchmarks.foreign_faults.kind import Plan
 from tests.benchmarks.foreign_faults.outcome import plant
 from tests.benchmarks.foreign_faults.small_sources import BY_NAME, SMALL, source_of
 from tests.benchmarks.foreign_faults.sources import Source
-from tests.support.contents import Contents, contents_of
+from tests.support.contents import Contents, OriginalFile
 from tests.support.shared_files import SharedFiles
 
 
@@ -18,6 +18,7 @@ from tests.support.shared_files import SharedFiles
 def clean_of(shared_files: SharedFiles) -> Callable[[Source], Path]:
     """Clean sequences of any scene and seed."""
 
+    @cache
     def clean(source: Source) -> Path:
         name = f"foreign-faults-{source.scene}-{source.seed}.h5"
         return shared_files.file(name, lambda path: source.write(SMALL, path))
@@ -26,19 +27,36 @@ def clean_of(shared_files: SharedFiles) -> Callable[[Source], Path]:
 
 
 @pytest.fixture(scope="module")
+def plant_in(clean_of: Callable[[Source], Path]) -> Callable[[str, Path], Plan]:
+    """Plants a kind in a copy of its clean sequence, and returns what was planted."""
+
+    def plant_kind(name: str, target: Path) -> Plan:
+        kind = BY_NAME[name]
+        source, donor = source_of(kind), clean_of(Source("park-day", 1))
+        plant(kind, kind.plan(source.scene, source.seed, donor), clean_of(source), target)
+        return kind.plan(source.scene, source.seed, donor)
+
+    return plant_kind
+
+
+@pytest.fixture(scope="module")
+def planted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file that ``pair_of`` writes, and overwrites when it is called again."""
+    return tmp_path_factory.mktemp("foreign-faults") / "a.h5"
+
+
+@pytest.fixture(scope="module")
 def pair_of(
-    clean_of: Callable[[Source], Path], tmp_path_factory: pytest.TempPathFactory
+    clean_of: Callable[[Source], Path], plant_in: Callable[[str, Path], Plan], planted: Path
 ) -> Callable[[str], tuple[Contents, Contents, Plan]]:
     """Plants a kind: contents before and after, and what was planted."""
-    target = tmp_path_factory.mktemp("foreign-faults") / "a.h5"
-    read_clean = cache(contents_of)
+    original_of = cache(OriginalFile)
 
-    def planted(name: str) -> tuple[Contents, Contents, Plan]:
+    def pair(name: str) -> tuple[Contents, Contents, Plan]:
+        plan = plant_in(name, planted)
         kind = BY_NAME[name]
-        source = source_of(kind)
-        clean, donor = clean_of(source), clean_of(Source("park-day", 1))
-        plant(kind, kind.plan(source.scene, source.seed, donor), clean, target)
-        after = contents_of(target, is_damaged=":corrupt_chunk" in "".join(kind.truth))
-        return read_clean(clean), after, kind.plan(source.scene, source.seed, donor)
+        original = original_of(clean_of(source_of(kind)))
+        is_damaged = ":corrupt_chunk" in "".join(kind.truth)
+        return original.contents, original.contents_of_copy(planted, is_damaged=is_damaged), plan
 
-    return planted
+    return pair
