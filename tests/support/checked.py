@@ -39,6 +39,15 @@ def diagnoses_of(path: Path, subject: str) -> list[Diagnosis]:
     return list(check_file(path, CheckOptions(select=(subject,), evidence=None)).record.diagnoses)
 
 
+def diagnosed(path: Path, name: str) -> tuple[Result, list[Diagnosis]]:
+    """Check the whole subject of a check, once: the result of the check, and the diagnoses from the subject."""
+    record = check_file(path, CheckOptions(select=(name.split(".", maxsplit=1)[0],), evidence=None)).record
+    (result,) = (result for result in record.results if result.check == name)
+    if result.outcome == "crashed":
+        raise RuntimeError(result.traceback)
+    return result, list(record.diagnoses)
+
+
 def rules(result: Result) -> list[str]:
     """Return the rules that were broken, without the name of the check."""
     return [finding.code.removeprefix(f"{result.check}.") for finding in result.findings]

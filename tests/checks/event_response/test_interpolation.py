@@ -21,7 +21,7 @@ from tests.checks.event_file import (
     log_file,
 )
 from tests.estimators.event_world import MS, Stream, Waves
-from tests.support.checked import diagnoses_of, run_check
+from tests.support.checked import diagnosed, run_check
 from tests.support.naive_events import naive_events
 
 CHECK = "event_response.interpolation"
@@ -52,7 +52,10 @@ class Lines:
 
 
 def lines_of(file: EventFile, path: Path) -> Lines:
-    result: Result = run_check(file.write(path), CHECK)
+    return lines_in(run_check(file.write(path), CHECK))
+
+
+def lines_in(result: Result) -> Lines:
     (measured,) = result.measurements
     assert measured.value is not None
     assert measured.standard_error is not None
@@ -82,12 +85,13 @@ def test_light_that_moves_gives_no_lines(world: Waves, threshold: float, path: P
 def test_events_of_the_frames_alone_are_found(world: Waves, threshold: float, path: Path) -> None:
     """Nearly all changes are lines; the first diagnosis of all checks of events is the fault."""
     file = from_frames(log_file(world, threshold), threshold)
-    lines = lines_of(file, path)
+    result, diagnoses = diagnosed(file.write(path), CHECK)
+    lines = lines_in(result)
     assert lines.outcome == "failed"
     assert lines.share > 0.9
     assert lines.share > 10 * lines.error
     assert "50 Hz" in lines.statement
-    first = diagnoses_of(path, "event_response")[0]
+    first = diagnoses[0]
     assert (first.cause, first.stream) == ("interpolated_frames", "events")
 
 
@@ -184,12 +188,13 @@ def test_a_part_of_the_intervals_suffices(threshold: float, path: Path, monkeypa
     error = lines_of(clean, path).error
     monkeypatch.setattr("fedora_qa.views.frames.USUAL_PIXELS", 1000)
     path.unlink()
-    lines = lines_of(clean, path)
+    result = run_check(clean.write(path), CHECK)
+    lines, coverage = lines_in(result), result.coverage
     assert lines.outcome == "passed"
     # sqrt(10 / 3) = 1.8 where lines occur, and 10 / 3 where the added ones are most of them. A blend whose limit is of
     # no use then is not stated, and the next one has a smaller error.
     assert error < lines.error < 3.6 * error
-    coverage = run_check(path, CHECK).coverage
+    assert coverage is not None
     assert 0.25 * coverage.of < coverage.seen < 0.4 * coverage.of
     path.unlink()
     faulty = lines_of(from_frames(clean, threshold), path)

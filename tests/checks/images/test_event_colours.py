@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from tests.checks.event_file import DURATION_MS, FRAME_SHAPE, FRAMES_NS, SHAPE, EventFile, linear_file, log_file
 from tests.estimators.event_world import MS, Waves, linear_events, log_events
-from tests.support.checked import diagnoses_of, run_check
+from tests.support.checked import diagnosed, run_check
 
 Floats = NDArray[np.float64]
 
@@ -66,10 +66,10 @@ def test_every_wrong_order_is_found_and_named(model: str, order: tuple[int, ...]
     """Any exchange of channels fails, and the statement names the order that was stored."""
     clean = FILES[model]()
     path = clean.altered(frames=clean.frames[..., order]).write(tmp_path / "faulty.h5")
-    result = run_check(path, "images.channels")
+    result, diagnoses = diagnosed(path, "images.channels")
     assert result.outcome == "failed"
     assert f"nearest order is {''.join('RGB'[i] for i in order)}" in result.findings[0].message
-    assert (diagnoses_of(path, "images")[0].cause, diagnoses_of(path, "images")[0].stream) == ("channel_order", "rgb")
+    assert (diagnoses[0].cause, diagnoses[0].stream) == ("channel_order", "rgb")
 
 
 @pytest.mark.parametrize("model", FILES)
