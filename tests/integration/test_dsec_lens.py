@@ -13,9 +13,12 @@ from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.tasks import check_file
 from fedora_qa.layout.dialect import load_choice
 from fedora_qa.record.types import FileRecord
-from tests.support.distorted_events import write_distorted_events
+from tests.support.distorted_events import SIZE_PX, write_distorted_events
 from tests.support.dsec_folder import encode_flow, write_dsec_folder, write_png
 from tests.support.shared_files import SharedFiles
+
+SIZES_PX = dict.fromkeys(("racetrack-drive", "fast-turn"), (200, 150))
+"""Of the scenes that show a gain and a delay in smaller images as well as in those of the others."""
 
 EVENTS, MAP = "events/left/events.h5", "events/left/rectify_map.h5"
 
@@ -25,7 +28,10 @@ def folder_of(shared_files: SharedFiles, tmp_path: Path) -> Callable[[str], Path
     """Write a second of a scene; colour lies 5 cm beside the events, as in DSEC."""
 
     def write(scene: str) -> Path:
-        source = shared_files.file(f"{scene}-distorted-events.h5", lambda path: write_distorted_events(path, scene))
+        source = shared_files.file(
+            f"{scene}-distorted-events.h5",
+            lambda path: write_distorted_events(path, scene, size_px=SIZES_PX.get(scene, SIZE_PX)),
+        )
         return write_dsec_folder(source, tmp_path / "zurich", depth_stride=1)
 
     return write

@@ -4,6 +4,7 @@ Three runs of one scene are joined: depth and flow of a pinhole, events of a cam
 is turned by half a degree, and colour of a pinhole 5 cm beside. Each is rendered as it is; nothing is resampled.
 """
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from shutil import copy
@@ -19,7 +20,6 @@ from tests.support.event_view import LENSES
 SIZE_PX = (240, 180)
 """Of events, depth and flow."""
 
-_COLOUR_PX = (300, 226)
 _TO_EVENTS = 9 / 4
 """Size of the images of a scene over that of its events."""
 
@@ -27,22 +27,24 @@ _TURN_DEG, _BESIDE_M = 0.5, 0.05
 _RATES = RateOptions(frames_hz=20.0, depth_hz=20.0, flow_hz=(10.0,))
 
 
-def write_distorted_events(path: Path, name: str, duration_s: float = 1.0) -> None:
+def write_distorted_events(path: Path, name: str, duration_s: float = 1.0, size_px: tuple[int, int] = SIZE_PX) -> None:
     """Write a canonical file of a scene, with events through the lens ``radtan`` of ``LENSES``."""
+    width, height = size_px
     scene = replace(load_scene(name), rates=_RATES)
     x_m, y_m, z_m = scene.camera.position_body_m
     cameras: dict[str, dict[str, Any]] = {
-        "depth": {"width": SIZE_PX[0], "height": SIZE_PX[1]},
+        "depth": {"width": width, "height": height},
         "events": {
-            "width": round(_TO_EVENTS * SIZE_PX[0]),
-            "height": round(_TO_EVENTS * SIZE_PX[1]),
+            "width": round(_TO_EVENTS * width),
+            "height": round(_TO_EVENTS * height),
             "pitch_deg": scene.camera.pitch_deg + _TURN_DEG,
             "distortion_model": "radtan",
             "distortion": LENSES["radtan"],
         },
         "rgb": {
-            "width": _COLOUR_PX[0],
-            "height": _COLOUR_PX[1],
+            # Five quarters of them, and even.
+            "width": 2 * math.ceil(5 / 8 * width),
+            "height": 2 * math.ceil(5 / 8 * height),
             "position_body_m": (x_m, y_m - _BESIDE_M, z_m),
         },
     }
