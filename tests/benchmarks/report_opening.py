@@ -46,7 +46,8 @@ def opening(browser: Browser, page: Path) -> Opening:
 
 def main() -> None:
     """Print the figures as a table of markdown."""
-    record, arrays = long_record(), long_arrays()
+    arrays = long_arrays()
+    record = long_record(arrays)
     started = time.process_time()
     html = render_html(record, arrays)
     drawn_s = time.process_time() - started

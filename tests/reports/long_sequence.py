@@ -40,7 +40,7 @@ _CHECKS: Final = tuple(f"{subject}.{name}" for subject in (
 Arrays = dict[str, NDArray[Any]]
 
 
-def long_record() -> Record:
+def long_record(arrays: Arrays) -> Record:
     """One file: fifty checks of six measurements each, twenty of which failed, with a thousand findings in all."""
     results = tuple(_result(k, check) for k, check in enumerate(_CHECKS))
     file = FileRecord(
@@ -54,7 +54,7 @@ def long_record() -> Record:
         verdict="findings",
         results=results,
         diagnoses=tuple(_diagnosis(k) for k in range(8)),
-        evidence={name: f"{name}, in units of its own" for name in long_arrays()},
+        evidence={name: f"{name}, in units of its own" for name in arrays},
     )
     run = Run("2026-01-01T00:00:00+00:00", {f"check {check}": 1.0 for check in _CHECKS}, {"cores": 16})
     return Record("1.0", "1", Tool("fedora-qa", "0.1.0"), "cd" * 32, run, (file,), "full")

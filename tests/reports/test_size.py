@@ -13,6 +13,7 @@ def test_half_an_hour_with_a_thousand_findings_stays_small(monkeypatch: pytest.M
     """Pictures of pure noise, all of them that are ever kept, and every finding: at most 6 MB, and nothing is lost."""
     largest = trajectory.TrajectoryPicture(b"\0" * 400_000, "Path.", "")
     monkeypatch.setattr(trajectory, "render_trajectory", lambda *_: largest)
-    html = render_html(long_record(), long_arrays())
+    arrays = long_arrays()
+    html = render_html(long_record(arrays), arrays)
     assert len(html.encode()) <= MOST_BYTES
     assert html.count('<article class="finding item"') == FINDINGS
