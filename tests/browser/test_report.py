@@ -1,8 +1,9 @@
 """The report in a real browser: it complains about nothing, asks for nothing, and shows everything at any width."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from fedora_generator.faults import plant_fault
 from fedora_qa.cli.main import run
 from tests.browser.devtools import Browser
 from tests.browser.tab import Tab
-from tests.browser.visit import visit
+from tests.browser.visit import Visit, visit
 from tests.support.graphics import without_opengl
 from tests.support.shared_files import SharedFiles
 
@@ -39,6 +40,12 @@ def browser(chromium: Path) -> Iterator[Browser]:
         yield running
 
 
+@pytest.fixture(scope="module")
+def visited(browser: Browser) -> Callable[..., Visit]:
+    """What a page shows, measured once for each width and scheme: several tests look at the same."""
+    return cache(partial(visit, browser))
+
+
 @pytest.fixture(scope="module", params=["clean", "failing"])
 def report(request: pytest.FixtureRequest, small_park_day: Path, shared_files: SharedFiles) -> Report:
     """The report of a small clean file, and of one whose events are late, each made once a run."""
@@ -57,12 +64,12 @@ def report(request: pytest.FixtureRequest, small_park_day: Path, shared_files: S
 
 
 @pytest.mark.parametrize(("width", "scheme"), [*((width, "light") for width in WIDTHS_PX), (820, "dark")])
-def test_report(browser: Browser, report: Report, width: int, scheme: str) -> None:
+def test_report(visited: Callable[..., Visit], report: Report, width: int, scheme: str) -> None:
     """No complaint, no request but the page, everything visible, nothing wider than the window.
 
     Dark or light, boxes are as wide: one width stands for all.
     """
-    shown = visit(browser, report.page, width=width, scheme=scheme)
+    shown = visited(report.page, width=width, scheme=scheme)
     assert shown.complaints == []
     assert shown.requests == [report.page.resolve().as_uri()]
     seen = shown.seen
@@ -107,9 +114,9 @@ def test_report_where_opengl_is_missing(
     assert shown.seen["sticking_out"] == []
 
 
-def test_report_follows_the_colour_scheme(browser: Browser, report: Report) -> None:
+def test_report_follows_the_colour_scheme(visited: Callable[..., Visit], report: Report) -> None:
     """Light is dark on light, dark is light on dark."""
-    light, dark = (visit(browser, report.page, width=820, scheme=scheme).seen for scheme in ("light", "dark"))
+    light, dark = (visited(report.page, width=820, scheme=scheme).seen for scheme in ("light", "dark"))
     assert brightness(light["background"]) > 200
     assert brightness(light["colour"]) < 100
     assert brightness(dark["background"]) < 60
@@ -126,9 +133,9 @@ def test_a_clean_file_prints_on_few_pages(browser: Browser, report: Report) -> N
     assert pages <= (MOST_PAGES if report.verdict == "clean" else 2 * MOST_PAGES)
 
 
-def test_findings_are_named(browser: Browser, report: Report) -> None:
+def test_findings_are_named(visited: Callable[..., Visit], report: Report) -> None:
     """A failing report names the probable cause with its unit; a clean one names none."""
-    text = visit(browser, report.page, width=820, scheme="light").seen["text"]
+    text = visited(report.page, width=820, scheme="light").seen["text"]
     assert report.exit_code == (0 if report.verdict == "clean" else 1)
     causes = text[: text.index("Timeline\n\ndepth")]
     assert ("events:time_offset" in causes) == (report.verdict == "findings")
