@@ -18,6 +18,8 @@ from fedora_qa.layout.dialect import load_choice
 from fedora_qa.layout.folder import sequences_in
 from fedora_qa.record.types import FileRecord
 from fedora_qa.sequence.sequence import open_sequence
+from tests.support.all_checks import CHECKS
+from tests.support.checked import checks_that_read
 from tests.support.eds_folder import EPOCH_US, write_eds_folder, write_eds_side
 from tests.support.event_view import TwoViews, camera_poses, two_views
 from tests.support.m3ed_folder import turned_axes
@@ -175,10 +177,12 @@ FAULTS: dict[str, tuple[str, str, Callable[[Path], None], str, str]] = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_in_text_or_calibration_is_found(fault: str, root: Path, tmp_path: Path) -> None:
+    """The check that measures it fails, and the cause is named, of all checks that read a stream of that check."""
     name, place, alter, check_name, cause = FAULTS[fault]
     copy = Path(shutil.copytree(root / name, tmp_path / name))
     alter(copy / place)
-    record = check(copy, root / f"{name}.toml")
+    (needs,) = (each.needs for each in CHECKS if each.name == check_name)
+    record = check(copy, root / f"{name}.toml", checks_that_read(*needs))
     assert record.dialect == name
     assert check_name in {result.check for result in record.results if result.outcome == "failed"}
     assert cause in {diagnosis.cause for diagnosis in record.diagnoses}
