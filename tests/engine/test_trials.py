@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -64,6 +65,15 @@ def checked(clean: Path, target: Path, plant: Callable[[h5py.File], None]) -> Fi
     return check_file(planted(clean, target, plant), OPTIONS)
 
 
+@pytest.fixture(scope="module")
+def checked_with(
+    small_park_day: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[Callable[[h5py.File], None]], FileRun]:
+    """The check of the small park with a fault, once: several tests look at the same."""
+    target = tmp_path_factory.mktemp("trials") / "faulty.h5"
+    return cache(lambda plant: checked(small_park_day, target, plant))
+
+
 @pytest.mark.parametrize(
     ("plant", "name"),
     [
@@ -74,10 +84,10 @@ def checked(clean: Path, target: Path, plant: Callable[[h5py.File], None]) -> Fi
     ],
 )
 def test_undoing_confirms_a_cause(
-    small_park_day: Path, tmp_path: Path, plant: Callable[[h5py.File], None], name: str
+    checked_with: Callable[[Callable[[h5py.File], None]], FileRun], plant: Callable[[h5py.File], None], name: str
 ) -> None:
     """One cause is named, and confirmed, all that it explains is cleared, and the fault goes with the run."""
-    require_confirmed(checked(small_park_day, tmp_path / "faulty.h5", plant), name)
+    require_confirmed(checked_with(plant), name)
 
 
 def test_undoing_confirms_an_inverted_polarity(park_day: Path, tmp_path: Path) -> None:
@@ -93,13 +103,13 @@ def require_confirmed(run: FileRun, name: str) -> None:
     assert (run.faults[first.id].cause, run.faults[first.id].stream) == (first.cause, first.stream)
 
 
-def test_sizes_are_those_that_were_planted(small_park_day: Path, tmp_path: Path) -> None:
+def test_sizes_are_those_that_were_planted(checked_with: Callable[[Callable[[h5py.File], None]], FileRun]) -> None:
     """A delay to its error; a bias as the length of its vector, with the sign of the largest component."""
-    late = checked(small_park_day, tmp_path / "late.h5", delay_events).record.diagnoses[0]
+    late = checked_with(delay_events).record.diagnoses[0]
     assert late.magnitude is not None
     assert late.standard_error is not None
     assert abs(late.magnitude - 3.0) < 4 * late.standard_error
-    biased = checked(small_park_day, tmp_path / "biased.h5", bias_gyro).record.diagnoses[0]
+    biased = checked_with(bias_gyro).record.diagnoses[0]
     assert biased.magnitude == pytest.approx(-np.linalg.norm([0.02, -0.03, 0.01]), abs=5e-4)
 
 

@@ -1,7 +1,9 @@
 """Clean sequences of every scene are clean, whole or with any stream left out."""
 
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import h5py
@@ -32,15 +34,21 @@ def alarms(record: FileRecord) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def whole(clean_sequence: CleanSequence) -> dict[str, str]:
+def checked(clean_sequence: CleanSequence) -> Callable[[str], FileRecord]:
+    """The record of a clean scene, which is checked once."""
+    return cache(lambda scene: check_file(clean_sequence(scene), WITHOUT_EVIDENCE).record)
+
+
+@pytest.fixture(scope="module")
+def whole(checked: Callable[[str], FileRecord]) -> dict[str, str]:
     """The outcome of each check for the park by day with all its streams."""
-    return outcomes(check_file(clean_sequence("park-day"), WITHOUT_EVIDENCE).record)
+    return outcomes(checked("park-day"))
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_clean_scene_is_clean(scene: str, clean_sequence: CleanSequence) -> None:
+def test_clean_scene_is_clean(scene: str, checked: Callable[[str], FileRecord]) -> None:
     """Day and night, fast and still, with every noise and without: no check fails, and some hold streams together."""
-    record = check_file(clean_sequence(scene), WITHOUT_EVIDENCE).record
+    record = checked(scene)
     assert not alarms(record)
     assert record.verdict == "clean"
     assert record.diagnoses == ()
