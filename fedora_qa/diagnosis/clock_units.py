@@ -62,11 +62,11 @@ def checks_that_compare(stream: str) -> set[str]:
 
 
 def units_of_brief_events(facts: Facts) -> tuple[TimeUnit, ...]:
-    """Return units of events that fill less than a tenth of the others: of times cut off to ticks, and of rounded ones.
+    """Return the units that events may have which last less than a tenth as long as the other streams, likeliest first.
 
-    The last event is mostly near the end of a sequence, and the first is later by what the first change takes. So the
-    last one gives the factor where the counter began with the file's clock, and the duration elsewhere. Empty for
-    events that fill a tenth or more, and for those of a single instant.
+    A sequence mostly ends with an event. It begins with a silence, until the first change exceeds a threshold. So where
+    the counter began with the file's clock, the factor is the last timestamp over the duration of the others; elsewhere
+    it is the ratio of the durations. Empty for events that last longer, and for those of a single instant.
     """
     durations = durations_ns(facts)
     events_ns = durations.pop("events", 0.0)
@@ -78,12 +78,14 @@ def units_of_brief_events(facts: Facts) -> tuple[TimeUnit, ...]:
         return ()
     zero_ns = facts.from_file_us(0.0)
     first_ns, last_ns = facts.events.first_ns - zero_ns, facts.events.last_ns - zero_ns
+    # Behind a silence of more than half of the events' time, the counter began elsewhere.
+    begins_with_file = 0 <= 2 * first_ns < last_ns
     units = []
     # Times that were cut off lie half a tick before the middle of theirs. The sequence ends within the last tick, or
     # with it; of rounded times it ends with the last one.
     for ticks_to_end, early_ticks in ((0.5, 0.5), (1.0, 0.5), (0.0, 0.0)):
         begin_ns = 0.0
-        if 0 <= 2 * first_ns < last_ns:
+        if begins_with_file:
             factor = (last_ns + ticks_to_end * NS_PER_US) / reference_ns
         else:
             others_ns = [clock.times_ns[0] for clock in facts.clocks.values() if clock.usable]

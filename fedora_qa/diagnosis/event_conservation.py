@@ -15,9 +15,8 @@ from fedora_qa.checks.event_response.conservation import (
     Violations,
 )
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.diagnosis.clock_units import units_of_brief_events
 from fedora_qa.diagnosis.event_balance import has_spurious_events, hypotheses_of_balance
-from fedora_qa.diagnosis.event_response import whose_offset
+from fedora_qa.diagnosis.event_response import hypotheses_of_brief_events, whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis, support
 from fedora_qa.diagnosis.measured_sizes import rgb_px_per_event_px
 from fedora_qa.judgement.judge import Alarm
@@ -155,11 +154,9 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     is_measured = bool(by_trial or noise) or dead >= _MEASURED
     by_balance = () if is_measured else hypotheses_of_balance(features, facts.declared.events)
     remaining = _support("beside_a_trial") if by_trial else _support("beside_a_balance") if by_balance else 1.0
-    unrelated: tuple[Hypothesis, ...] = ()
-    if units := units_of_brief_events(facts):
-        unrelated = (Hypothesis("time_unit", "events", _support("brief"), units[0].factor, "1"),)
-    elif not few and unresolved(trials):
-        unrelated = tuple(
+    of_whole_stream = hypotheses_of_brief_events(facts)
+    if not of_whole_stream and not few and unresolved(trials):
+        of_whole_stream = tuple(
             Hypothesis("other_sequence", stream, _support("other_sequence")) for stream in ("events", "rgb")
         )
     # Lost or doubled events affect few pixels; a move of events or frames affects most pixels with events. Doubled
@@ -174,7 +171,7 @@ def propose_conservation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
             Hypothesis("duplicated_samples", "events", _support(doubled), count, "samples"),
         )
     any_fault = tuple(Hypothesis(cause, stream, _support("any_fault")) for cause, stream in _BREAKS_THE_LAW)
-    beside = (*_of_courses(courses), dead_region, *unrelated, *samples, *any_fault)
+    beside = (*_of_courses(courses), dead_region, *of_whole_stream, *samples, *any_fault)
     # Events that end more than two frames before the frames do were cut off.
     cut_off: tuple[Hypothesis, ...] = ()
     times_ns = facts.clocks["rgb"].times_ns

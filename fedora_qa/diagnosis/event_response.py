@@ -63,9 +63,8 @@ def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         if facts.events is None or not facts.events.count:
             return (Hypothesis("missing_stream", "events", support("event_response.orientation.no_events")),)
         if not alarm.statistic.features:
-            if units := units_of_brief_events(facts):
-                supported = support("event_response.orientation.brief")
-                return (Hypothesis("time_unit", "events", supported, units[0].factor, "1"),)
+            if of_unit := hypotheses_of_brief_events(facts):
+                return of_unit
             # No orientation correlates; ``event_response.timing`` searches for an offset.
             return (
                 Hypothesis("other_sequence", "events", support("event_response.orientation.other_events")),
@@ -81,6 +80,12 @@ def propose_orientation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         # The declared half turn is what the events lack: turned events would need a turned sensor as well.
         return tuple(weakened(hypotheses, support("event_response.orientation.beside_a_half_turn")))
     return hypotheses
+
+
+def hypotheses_of_brief_events(facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return another unit as the cause where all events lie within a small part of the other streams; else nothing."""
+    units = units_of_brief_events(facts)[:1]
+    return tuple(Hypothesis("time_unit", "events", support("event_response.brief"), unit.factor, "1") for unit in units)
 
 
 def _are_mounted_upside_down(facts: Facts) -> bool:

@@ -176,7 +176,9 @@ class PoseTrack:
 
     poses: PoseSamples
     camera: Camera
-    _at: dict[bytes, tuple[Float64, Float64]] = field(default_factory=dict, init=False, compare=False, repr=False)
+    _poses_by_instants: dict[bytes, tuple[Float64, Float64]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
 
     def motion(self, start_ns: int, end_ns: int) -> RigidMotion | None:
         """Return how points move in the camera frame between two instants; None where no pose covers either.
@@ -232,9 +234,9 @@ class PoseTrack:
         They are interpolated once: many conventions are tried at the same instants.
         """
         instants = at_ns.tobytes()
-        if instants not in self._at:
-            self._at[instants] = poses_at(self.poses, at_ns)
-        return self._at[instants]
+        if instants not in self._poses_by_instants:
+            self._poses_by_instants[instants] = poses_at(self.poses, at_ns)
+        return self._poses_by_instants[instants]
 
     def covariance(self, start_ns: int, end_ns: int, position_sigma_m: float, rotation_sigma_rad: float) -> Float64:
         """Return the covariance of the motion's twist under declared pose noise.

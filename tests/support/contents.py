@@ -59,7 +59,7 @@ class OriginalFile:
 
 
 def _stored(dataset: h5py.Dataset, file_bytes: bytes) -> Any:
-    """Return all that the values of a dataset in chunks follow from; of another one nothing does."""
+    """Return the type, shape, filters and stored bytes of a chunked dataset; None without chunks."""
     if not dataset.chunks:
         return None
     chunks: dict[tuple[int, ...], tuple[int, bytes]] = {}

@@ -66,7 +66,7 @@ class _Inquiry:
         if fault is None:
             return False
         trial = self.bench.undo(fault)
-        # Of mechanisms that clear as much the one counts after which fewer checks deviate.
+        # Of two mechanisms that clear as much, that counts after which fewer checks deviate.
         if trial is not None and (
             self.best is None or (trial.balance, -len(trial.caused)) > (self.best.balance, -len(self.best.caused))
         ):
