@@ -83,14 +83,14 @@ def _try(mutant: Mutant, copy: Path, limit_s: float) -> Tried:
     """Run the tests that reach a mutant in the copy of the tree, and undo it there."""
     relative = mutant.module.relative_to(ROOT)
     source = mutant.module.read_text(encoding="utf-8")
-    mutated = mutant.code(source)
+    result = mutant.code(source)
     tests = [str(path.relative_to(ROOT)) for path in unit_tests_of(mutant.module, ROOT)]
-    (copy / relative).write_text(mutated, encoding="utf-8")
+    (copy / relative).write_text(result, encoding="utf-8")
     try:
         fate = _fate(tests, copy, limit_s) if tests else "survived"
     finally:
         shutil.copy2(mutant.module, copy / relative)
-    return Tried(mutant, *changed_line(source, mutated), fate)
+    return Tried(mutant, *changed_line(source, result), fate)
 
 
 def _fate(tests: Sequence[str], copy: Path, limit_s: float) -> Fate:
@@ -111,8 +111,8 @@ def _fate(tests: Sequence[str], copy: Path, limit_s: float) -> Fate:
 
 
 def _page(tried: Sequence[Tried], of: int, seed: int) -> str:
-    fates = [one.fate for one in tried]
-    survived = sorted((one for one in tried if one.fate == "survived"), key=lambda one: one.place)
+    fates = [result.fate for result in tried]
+    survived = sorted((result for result in tried if result.fate == "survived"), key=lambda result: result.place)
     head = HEAD.format(
         date=datetime.now(UTC).date().isoformat(),
         of=of,
@@ -124,13 +124,16 @@ def _page(tried: Sequence[Tried], of: int, seed: int) -> str:
         share=1 - len(survived) / max(len(tried), 1),
     )
     notes = tomllib.loads(NOTES.read_text(encoding="utf-8"))
-    rows = [f"| {one.place} | `{_cell(one.before)}` | `{_cell(one.after)}` | {_note(one, notes)} |" for one in survived]
+    rows = [
+        f"| {result.place} | `{_cell(result.before)}` | `{_cell(result.after)}` | {_note(result, notes)} |"
+        for result in survived
+    ]
     table = ["| change that was not detected | before | after | assessment |", "| --- | --- | --- | --- |", *rows]
     return head + ("\n".join(table) if rows else "All changes were detected.") + "\n"
 
 
-def _note(one: Tried, notes: dict[str, str]) -> str:
-    return notes.get(f"{one.mutant.module.stem}: {one.after}", "not yet")
+def _note(result: Tried, notes: dict[str, str]) -> str:
+    return notes.get(f"{result.mutant.module.stem}: {result.after}", "not yet")
 
 
 def _cell(line: str) -> str:

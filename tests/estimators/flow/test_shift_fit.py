@@ -73,6 +73,20 @@ def test_errors_are_those_of_the_scatter() -> None:
     np.testing.assert_allclose(variances / stated, 1.0, atol=0.6)
 
 
+def test_errors_of_a_strip_are_those_of_its_tiles() -> None:
+    """Pixels of a tile err together: a strip of a few rows has as many independent deviations as tiles."""
+    shift, recomputed = np.array([0.3, -0.2]), of_ramp(COLUMNS, ROWS)
+    clean = of_ramp(COLUMNS - shift[0], ROWS - shift[1])
+    clean[12:] = np.nan
+    fits = []
+    for seed in range(40):
+        of_tiles = np.random.default_rng(seed).normal(0.0, 0.1, (1, WIDTH // 16 + 1, 2))
+        fits.append(fitted(sample_of(clean + np.repeat(of_tiles, 16, axis=1)[:, :WIDTH], recomputed)))
+    variances = np.mean([(fit.shift_px - shift) ** 2 for fit in fits], axis=0)
+    stated = np.mean([np.diag(fit.covariance_px2) for fit in fits], axis=0)
+    np.testing.assert_allclose(variances / stated, 1.0, atol=0.6)
+
+
 def test_the_effect_of_resampling_is_stated() -> None:
     """Of a curved flow that was computed at other places, not resampled, it is the difference from the shift."""
     shift, recomputed = np.array([0.3, -0.5]), of_plane(COLUMNS, ROWS)

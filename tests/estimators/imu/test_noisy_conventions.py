@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fedora_qa.conventions import FRD_FROM_FLU
 from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.estimators.imu.noisy_conventions import explain_in_noise
 from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, InertialComparison
-from tests.estimators.imu.test_conventions import FORCE_CASES, RATE_CASES, is_like
+from tests.estimators.imu.test_conventions import FORCE_CASES, RATE_CASES, is_like, north_east_down
 from tests.support.motion_world import NOISY, sample_motion
 
 NAMED_BY_RATES = ("clean", "degrees", "wxyz", "inverse", "swapped", "right-down")
@@ -26,6 +27,13 @@ def test_rates_state_the_convention(case: str) -> None:
 def test_forces_state_the_convention(case: str) -> None:
     plant, expected = FORCE_CASES[case]
     assert is_like(explain_in_noise(plant(sample_motion(noise=NOISY)), NOISY, TRANSLATION), expected)
+
+
+def test_poses_of_a_body_with_z_down_in_such_a_world_are_named() -> None:
+    """Forces without these axes are those of a sensor and of a world with Z up."""
+    down = north_east_down(sample_motion(noise=NOISY))
+    expected = InertialConvention(sensor_axes=FRD_FROM_FLU, up=(0, 0, -1))
+    assert is_like(explain_in_noise(down, NOISY, TRANSLATION), expected)
 
 
 @pytest.mark.parametrize("comparison", [ROTATION, TRANSLATION], ids=["rotation", "translation"])

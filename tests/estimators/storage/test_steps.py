@@ -63,6 +63,15 @@ def test_constants_give_no_step(values: np.ndarray) -> None:
     assert stored_step(values, with_unknown_steps=True).size == 0.0
 
 
+@pytest.mark.parametrize("known", [True, False], ids=["decimal", "unknown"])
+def test_a_grid_of_seven_tenths_of_the_values_is_no_step(known: bool) -> None:
+    """Far beyond chance, but the step of a dataset is that of nearly all of its values."""
+    values, step = values_of(0, 10.0), 0.01 if known else 0.01234567
+    on_grid = step * np.rint(values / step)
+    on_grid[::10], on_grid[3::10], on_grid[7::10] = values[::10], values[3::10], values[7::10]
+    assert stored_step(on_grid).size == 0.0
+
+
 def test_a_fault_of_a_few_values_leaves_the_step() -> None:
     """A twentieth of the values is off the grid."""
     values = np.round(values_of(1, 10.0), 3)
@@ -99,6 +108,13 @@ def test_levels_that_never_return_show_their_step_by_their_distances(seed: int, 
     rises[7] = 1
     values = step * (first + np.repeat(np.cumsum(rises), 20))
     assert level_step(values) == pytest.approx(step, rel=1e-5)
+
+
+@pytest.mark.parametrize("step", [0.0123, 0.37])
+def test_levels_two_and_three_steps_apart_show_their_step(step: float) -> None:
+    """The least distance is no step, but two."""
+    rises = np.random.default_rng(0).integers(2, 4, 60)
+    assert level_step(step * np.repeat(np.cumsum(rises), 20)) == pytest.approx(step, rel=1e-5)
 
 
 def test_levels_of_other_origin_have_no_step() -> None:
@@ -196,5 +212,15 @@ def test_half_floats_are_found() -> None:
 def test_steps_on_a_curved_surface_are_found() -> None:
     """Millimetres show on a ball too, whose own second differences are smooth."""
     found = depth_step(np.rint(1000 * ball_m()) / 1000)
+    assert found is not None
+    assert found.size_m == pytest.approx(1e-3, rel=0.01)
+
+
+@pytest.mark.parametrize("invalid_m", [0.0, -1.0, np.nan])
+def test_invalid_depths_leave_the_step(invalid_m: float) -> None:
+    """Neither their values nor the edges around them are steps."""
+    depths_m = np.rint(1000 * plane_m()) / 1000
+    depths_m[::7, ::5] = invalid_m
+    found = depth_step(depths_m)
     assert found is not None
     assert found.size_m == pytest.approx(1e-3, rel=0.01)
