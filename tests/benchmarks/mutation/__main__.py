@@ -83,14 +83,14 @@ def _try(mutant: Mutant, copy: Path, limit_s: float) -> Tried:
     """Run the tests that reach a mutant in the copy of the tree, and undo it there."""
     relative = mutant.module.relative_to(ROOT)
     source = mutant.module.read_text(encoding="utf-8")
-    result = mutant.code(source)
+    changed = mutant.code(source)
     tests = [str(path.relative_to(ROOT)) for path in unit_tests_of(mutant.module, ROOT)]
-    (copy / relative).write_text(result, encoding="utf-8")
+    (copy / relative).write_text(changed, encoding="utf-8")
     try:
         fate = _fate(tests, copy, limit_s) if tests else "survived"
     finally:
         shutil.copy2(mutant.module, copy / relative)
-    return Tried(mutant, *changed_line(source, result), fate)
+    return Tried(mutant, *changed_line(source, changed), fate)
 
 
 def _fate(tests: Sequence[str], copy: Path, limit_s: float) -> Fate:
