@@ -20,7 +20,7 @@ from fedora_qa.cli.settings import external_folders
 from fedora_qa.errors import MisuseError, UnreadableFileError, first_line
 from fedora_qa.layout.describe import DatasetRow, Description, describe
 from fedora_qa.layout.dialect import DialectChoice, load_choice, split_choice
-from fedora_qa.layout.draft import draft_dialect
+from fedora_qa.layout.draft_file import draft_dialect
 from fedora_qa.layout.draft_folder import draft_folder
 from fedora_qa.layout.external_files import ExternalFiles
 from fedora_qa.layout.folder import OpenFolder, matched_folder, sequences_in

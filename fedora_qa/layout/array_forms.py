@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from fedora_qa.layout.inventory import Fields, StoredObject
 
 _DEPTH_WORDS: Final = ("depth", "disp")
+_INVERSE_DEPTH_WORDS: Final = ("inverse_depth", "inversedepth", "inv_depth", "invdepth", "idepth")
 _COLOUR_WORDS: Final = ("rgb", "color", "colour", "grey", "gray")
 """Words in the paths of images by which they are depth, or what a camera sees."""
 
@@ -24,6 +25,11 @@ _ROUNDED_UNIT: Final = 1e-3
 def is_named_as_depth(item: StoredObject) -> bool:
     """Whether the path has a word for depth or disparity."""
     return any(word in item.path.lower() for word in _DEPTH_WORDS)
+
+
+def is_named_as_inverse_depth(item: StoredObject) -> bool:
+    """Whether the path has a word for 1 / depth, whose values would pass for depth in metres."""
+    return any(word in item.path.lower() for word in _INVERSE_DEPTH_WORDS)
 
 
 def is_picture_of_depth(item: StoredObject) -> bool:

@@ -1,53 +1,19 @@
-"""Draft a dialect for an unknown file: a TOML text to be read, corrected and then used.
+"""Lines of drafted dialects, of files (``draft_file``) and of folders (``draft_folder``).
 
-``guesses`` states what each dataset may be. The lines about folders (``draft_folder``) are written here as well.
+``guesses`` states what each dataset may be.
 """
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
-import h5py
-import hdf5plugin  # noqa: F401  the import registers the Blosc codec with HDF5
-
 from fedora_qa.layout.canonical import BESIDE, STREAMS, datasets_of, datasets_of_all, in_file_order, spec_of
-from fedora_qa.layout.guesses import CAMERA_WORDS, Guess, guess_places
-from fedora_qa.layout.inventory import Fields, StoredObject, take_inventory
+from fedora_qa.layout.guesses import CAMERA_WORDS, Guess
+from fedora_qa.layout.inventory import Fields, StoredObject
 
 _NUMBER: Final = re.compile(r"\d+")
 
 _INTRINSICS: Final = ("intrinsic", "camera_matrix", "fx_fy")
-
-# One hint suffices to prefer a dialect; the second covers a file that lacks the first dataset.
-_MOST_HINTS = 2
-
-
-def draft_dialect(file: h5py.File, name: str) -> str:
-    """Return the text of a dialect with every guess and its reason, and what nothing was guessed for.
-
-    Parameters
-    ----------
-    file
-        Open for reading. Only the first rows of each dataset are read.
-    """
-    items = take_inventory(file)
-    guesses = {guess.key: guess for guess in guess_places(items)}
-    ordered = in_order(guesses)
-    lines = [
-        "# A draft, guessed from names, shapes, types and first values. Verify every line before you use it:",
-        "# a wrong unit here is a finding about the draft, not about the file.",
-        f"name = {quoted(name)}",
-        'description = "drafted"',
-        "",
-    ]
-    # A path equal to the canonical key does not distinguish this dialect from the canonical one.
-    paths = list(dict.fromkeys(str(guess.fields["path"]) for guess in ordered if guess.fields["path"] != guess.key))
-    for path in paths[:_MOST_HINTS]:
-        lines += ["[[hints]]", f"path = {quoted(path)}", ""]
-    lines += draft_lines(ordered, items)
-    cameras = camera_lines(item for item in items if item.form == "hdf5")
-    lines += ["", "[metadata]", *cameras] if cameras else []
-    return "\n".join(lines).rstrip() + "\n"
 
 
 def in_order(guesses: Mapping[str, Guess]) -> list[Guess]:

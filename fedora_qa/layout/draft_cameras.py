@@ -1,4 +1,4 @@
-"""Draft the declarations of a folder: cameras of documents, and the lines that a person fills in (``draft_folder``)."""
+"""Draft the declarations: cameras of documents, and the lines that a person fills in."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -97,6 +97,22 @@ def constant_cameras(items: Sequence[StoredObject]) -> Iterator[str]:
         yield comment(f'"metadata/cameras/.../K" = {K}')
         if np.any(distortion):
             yield comment(f'"metadata/cameras/.../distortion" = {distortion}, and the model of the lens')
+
+
+def item_of(items: Sequence[StoredObject], guesses: Mapping[str, Guess], key: str) -> StoredObject | None:
+    """Return what a dataset was placed at; None for one without a place, and for a file that is still to be written."""
+    if key not in guesses:
+        return None
+    return next((item for item in items if item.shape and item.place.items() <= guesses[key].fields.items()), None)
+
+
+def image_sizes(items: Sequence[StoredObject], guesses: Mapping[str, Guess]) -> dict[str, tuple[int, ...]]:
+    """Return height and width in px of the images of each camera with data; empty for the event camera."""
+    return {
+        camera: item.shape[1:3] if camera != "events" else ()
+        for camera, key in (("rgb", "path/rgb"), ("depth", "path/depth"), ("events", "path/events/x"))
+        if (item := item_of(items, guesses, key)) is not None
+    }
 
 
 def lines_to_fill_in(

@@ -16,7 +16,7 @@ from fedora_qa.layout.array_forms import is_flow
 from fedora_qa.layout.canonical import datasets_of, spec_of
 from fedora_qa.layout.dialect import FORMS, NS_PER_TIME_UNIT
 from fedora_qa.layout.draft import camera_lines, comment, draft_lines, in_order, quoted
-from fedora_qa.layout.draft_cameras import constant_cameras, document_cameras, lines_to_fill_in
+from fedora_qa.layout.draft_cameras import constant_cameras, document_cameras, image_sizes, item_of, lines_to_fill_in
 from fedora_qa.layout.file_groups import MOST_SINGLE, FileGroup, by_form_of_name, file_groups, pattern_of
 from fedora_qa.layout.guesses import Guess, guess_places, rate_of, span_of_events_ns, unit_of_timestamps
 from fedora_qa.layout.inventory import HEAD_ROWS, Fields, StoredObject, take_inventory
@@ -90,12 +90,7 @@ def draft_folder(folder: Path, name: str) -> str:
         if group.form == "document" and role not in used
     ]
     lines += [*map(comment, _remarks(groups, items, guesses))]
-    sizes = {
-        camera: item.shape[1:3] if camera != "events" else ()
-        for camera, key in (("rgb", "path/rgb"), ("depth", "path/depth"), ("events", "path/events/x"))
-        if (item := _item_of(items, guesses, key)) is not None
-    }
-    declared = [*cameras, *constant_cameras(items), *lines_to_fill_in(sizes, guesses, cameras)]
+    declared = [*cameras, *constant_cameras(items), *lines_to_fill_in(image_sizes(items, guesses), guesses, cameras)]
     lines += ["", "[metadata]", *declared] if declared else []
     return "\n".join(lines).rstrip() + "\n"
 
@@ -177,7 +172,7 @@ def _flow_between_frames(items: Sequence[StoredObject], guesses: Mapping[str, Gu
     if any(key.startswith("path/flow/") for key in guesses):
         return
     for item, key in product(filter(is_flow, items), ("path/rgb_ts", "path/depth_ts")):
-        times = _item_of(items, guesses, key)
+        times = item_of(items, guesses, key)
         if times is not None and times.columns and times.shape[0] - item.shape[0] in {0, 1}:
             fields = guesses[key].fields
             head = times.columns[_column_of(fields)]
@@ -187,13 +182,6 @@ def _flow_between_frames(items: Sequence[StoredObject], guesses: Mapping[str, Gu
                 reason = f"no intervals are stated; those of {key} are assumed, from each frame to the next"
                 yield Guess(f"path/flow/{rate}hz_ts", {**fields, "convert": "until_next"}, reason)
                 return
-
-
-def _item_of(items: Sequence[StoredObject], guesses: Mapping[str, Guess], key: str) -> StoredObject | None:
-    """Return what a dataset was placed at; None for one without a place, and for a file that is still to be written."""
-    if key not in guesses:
-        return None
-    return next((item for item in items if item.shape and item.place.items() <= guesses[key].fields.items()), None)
 
 
 def _column_of(fields: Fields) -> int:
@@ -207,7 +195,7 @@ def _times_to_write(items: Sequence[StoredObject], guesses: Mapping[str, Guess])
     for key in guesses:
         stream = spec_of(key).stream
         timestamps = next(spec.key for spec in datasets_of(stream) if spec.is_timestamps) if stream in _TIMED else key
-        item = _item_of(items, guesses, key)
+        item = item_of(items, guesses, key)
         if timestamps not in guesses and item is not None:
             rows.setdefault(timestamps, item.shape[0])
     reason = "there are no times for it; it is read once the file is written"
@@ -261,7 +249,7 @@ def _remarks(
 def _strided_intervals(items: Sequence[StoredObject], guesses: Mapping[str, Guess], rows: int) -> Iterator[str]:
     """Yield how intervals of several frames each are written, where the number of frames fits."""
     for key in ("path/rgb_ts", "path/depth_ts"):
-        item = _item_of(items, guesses, key)
+        item = item_of(items, guesses, key)
         steps = item.shape[0] - 1 if item is not None and item.form == "text" else 0
         if item is None or steps <= rows or steps % rows:
             continue

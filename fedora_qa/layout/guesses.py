@@ -13,6 +13,7 @@ from fedora_qa.layout.array_forms import (
     has_equal_channels,
     is_flow,
     is_named_as_depth,
+    is_named_as_inverse_depth,
     is_picture_of_depth,
     mark_of_invalid,
     transformations_of,
@@ -223,7 +224,9 @@ def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
     images = [
         item
         for item in items
-        if not any(word in item.path.lower() for word in _NO_STREAM) and not is_picture_of_depth(item)
+        if not any(word in item.path.lower() for word in _NO_STREAM)
+        and not is_picture_of_depth(item)
+        and not is_named_as_inverse_depth(item)
     ]
     # Colour comes before grey, which may be of another camera.
     for item in sorted(images, key=lambda item: len(item.shape) != 4):
@@ -263,7 +266,11 @@ def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
         if not is_coded and not is_flow(item):
             continue
         coded = {"convert": "flow16"} if is_coded else {}
-        words = "16-bit images of three channels" if is_coded else "two float components"
+        words = (
+            "16-bit images of three channels in 1/128 px, as DSEC has (KITTI: 1/64 px, scale = 2.0)"
+            if is_coded
+            else "two float components"
+        )
         candidates = [other for other in items if other.shape[:1] == item.shape[:1] and _is_of_intervals(other)]
         if not candidates:
             continue

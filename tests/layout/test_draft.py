@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from fedora_qa.layout.binding import canonical_rows
 from fedora_qa.layout.canonical import STREAMS
 from fedora_qa.layout.dialect import Dialect, load_dialect
-from fedora_qa.layout.draft import draft_dialect
-from fedora_qa.layout.guesses import unit_of_timestamps
+from fedora_qa.layout.draft_file import draft_dialect
+from fedora_qa.layout.guesses import guess_places, unit_of_timestamps
+from fedora_qa.layout.inventory import StoredObject
 from fedora_qa.layout.resolve import resolve
 from tests.support.foreign import write_mvsec, write_purdue_lab
 from tests.support.handmade import write_handmade
@@ -153,3 +154,36 @@ def test_maps_from_frames_and_the_range_of_depth_are_placed_by_name(tmp_path: Pa
     assert bindings["metadata/depth_to_event"].path == "index/depth_to_event"
     assert bindings["metadata/depth_range"].path == "range_of_depth/range"
     assert "#   index/first_to_event" in text
+
+
+def test_the_draft_of_a_file_has_the_declarations_to_fill_in(tmp_path: Path) -> None:
+    text, _ = draft(write_unknown(tmp_path / "unknown.h5"))
+    declarations = text.partition("[metadata]")[2]
+    assert '# "metadata/cameras/rgb/width" = 10' in declarations
+    assert '# "metadata/cameras/rgb/height" = 8' in declarations
+    assert '# "metadata/cameras/events/K" = ' in declarations
+    assert '# "metadata/events/threshold_on" = ON' in declarations
+
+
+@pytest.mark.parametrize(("name", "is_depth"), [("depth", True), ("inverse_depth", False), ("left/invdepth", False)])
+def test_inverse_depth_is_not_taken_for_depth(tmp_path: Path, name: str, is_depth: bool) -> None:
+    path = tmp_path / "unknown.h5"
+    with h5py.File(path, "w") as file:
+        file["rgb"] = np.zeros((4, 8, 10, 3), dtype=np.uint8)
+        file["rgb_ts"] = np.arange(4) * 33_000
+        file[name] = np.random.default_rng(3).uniform(0.1, 0.9, (4, 8, 10)).astype(np.float32)
+    text, dialect = draft(path)
+    assert ("path/depth" in dialect.datasets) is is_depth
+    assert (f"#   {name}  4 x 8 x 10  float32" in text) is not is_depth
+
+
+def test_the_draft_states_by_how_much_coded_flow_of_kitti_differs() -> None:
+    pictures = np.full((1, 8, 10, 3), 32768, dtype=np.uint16)
+    intervals = np.column_stack([np.arange(4), np.arange(1, 5)]) * 20_000
+    items = [
+        StoredObject("flow/*.png", (4, 8, 10, 3), pictures.dtype, pictures, "flow", "images"),
+        StoredObject("flow.txt", (4, 2), intervals.dtype, intervals, "times", "text"),
+    ]
+    guess = next(guess for guess in guess_places(items) if guess.key == "path/flow/50hz")
+    assert guess.fields["convert"] == "flow16"
+    assert "scale = 2.0" in guess.reason

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.layout.dialect import load_dialect
-from fedora_qa.layout.draft import draft_dialect
+from fedora_qa.layout.draft_file import draft_dialect
 from fedora_qa.layout.draft_folder import draft_folder
 from fedora_qa.layout.folder import OpenFolder, match_folder
 from fedora_qa.layout.resolve import Layout, resolve

@@ -26,7 +26,7 @@ from fedora_qa.layout.canonical import (
     timestamps_of,
 )
 from fedora_qa.layout.dialect import load_dialect
-from fedora_qa.layout.draft import draft_dialect
+from fedora_qa.layout.draft_file import draft_dialect
 from fedora_qa.layout.resolve import resolve
 from tests.support.handmade import write_handmade
 

@@ -16,7 +16,7 @@ from fedora_qa.faults.row_order import Unsorted
 from fedora_qa.layout.binding import canonical_rows, raw_rows
 from fedora_qa.layout.describe import describe
 from fedora_qa.layout.dialect import Dialect, load_dialect
-from fedora_qa.layout.draft import draft_dialect
+from fedora_qa.layout.draft_file import draft_dialect
 from fedora_qa.layout.folder import OpenFolder, matched_folder
 from fedora_qa.layout.resolve import Layout, resolve
 from fedora_qa.repairs.repair import repair
