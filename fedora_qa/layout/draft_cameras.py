@@ -6,9 +6,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from fedora_qa.layout.draft import camera_line, comment, names_intrinsics, quoted, toml_table
+from fedora_qa.layout.draft_lines import camera_line, comment, names_intrinsics, quoted, toml_table
 from fedora_qa.layout.file_groups import FileGroup
-from fedora_qa.layout.guesses import Guess
+from fedora_qa.layout.guesses import Guess, item_of
 from fedora_qa.layout.inventory import StoredObject
 from fedora_qa.layout.metadata import PINHOLE, pinhole_names
 from fedora_qa.sources.source import SourceError
@@ -97,13 +97,6 @@ def constant_cameras(items: Sequence[StoredObject]) -> Iterator[str]:
         yield comment(f'"metadata/cameras/.../K" = {K}')
         if np.any(distortion):
             yield comment(f'"metadata/cameras/.../distortion" = {distortion}, and the model of the lens')
-
-
-def item_of(items: Sequence[StoredObject], guesses: Mapping[str, Guess], key: str) -> StoredObject | None:
-    """Return what a dataset was placed at; None for one without a place, and for a file that is still to be written."""
-    if key not in guesses:
-        return None
-    return next((item for item in items if item.shape and item.place.items() <= guesses[key].fields.items()), None)
 
 
 def image_sizes(items: Sequence[StoredObject], guesses: Mapping[str, Guess]) -> dict[str, tuple[int, ...]]:

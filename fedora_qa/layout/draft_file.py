@@ -3,8 +3,8 @@
 import h5py
 import hdf5plugin  # noqa: F401  the import registers the Blosc codec with HDF5
 
-from fedora_qa.layout.draft import camera_lines, draft_lines, in_order, quoted
 from fedora_qa.layout.draft_cameras import image_sizes, lines_to_fill_in
+from fedora_qa.layout.draft_lines import camera_lines, draft_lines, in_order, quoted
 from fedora_qa.layout.guesses import guess_places
 from fedora_qa.layout.inventory import take_inventory
 

@@ -15,10 +15,10 @@ from fedora_qa.errors import FedoraError
 from fedora_qa.layout.array_forms import is_flow
 from fedora_qa.layout.canonical import datasets_of, spec_of
 from fedora_qa.layout.dialect import FORMS, NS_PER_TIME_UNIT
-from fedora_qa.layout.draft import camera_lines, comment, draft_lines, in_order, quoted
-from fedora_qa.layout.draft_cameras import constant_cameras, document_cameras, image_sizes, item_of, lines_to_fill_in
+from fedora_qa.layout.draft_cameras import constant_cameras, document_cameras, image_sizes, lines_to_fill_in
+from fedora_qa.layout.draft_lines import camera_lines, comment, draft_lines, in_order, quoted
 from fedora_qa.layout.file_groups import MOST_SINGLE, FileGroup, by_form_of_name, file_groups, pattern_of
-from fedora_qa.layout.guesses import Guess, guess_places, rate_of, span_of_events_ns, unit_of_timestamps
+from fedora_qa.layout.guesses import Guess, guess_places, item_of, rate_of, span_of_events_ns, unit_of_timestamps
 from fedora_qa.layout.inventory import HEAD_ROWS, Fields, StoredObject, take_inventory
 from fedora_qa.sources.arrays import arrays_of, npz_names
 from fedora_qa.sources.images import images_of, numbers_of

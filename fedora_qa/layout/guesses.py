@@ -111,6 +111,13 @@ def guess_places(items: Sequence[StoredObject]) -> tuple[Guess, ...]:
     return tuple(guesses.values())
 
 
+def item_of(items: Sequence[StoredObject], guesses: Mapping[str, Guess], key: str) -> StoredObject | None:
+    """Return what a dataset was placed at; None for one without a place, and for a file that is still to be written."""
+    if key not in guesses:
+        return None
+    return next((item for item in items if item.shape and item.place.items() <= guesses[key].fields.items()), None)
+
+
 def _index_maps(items: Sequence[StoredObject], guesses: Mapping[str, Guess]) -> Iterator[Guess]:
     """Guess that whole numbers with a name for it, one for each frame, name the event at that frame."""
     rows = {

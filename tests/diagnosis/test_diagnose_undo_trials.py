@@ -164,7 +164,7 @@ def test_a_cause_whose_undoing_clears_all_comes_before_one_that_leaves_some() ->
 
 
 def test_a_cause_is_named_once() -> None:
-    """UnplantedFault, it clears one finding and leaves another entirely, which stays without a cause."""
+    """Undone, it clears one finding and leaves another entirely, which stays without a cause."""
     partly = undo_trial("F1", left={"F2": 1.4}, caused=("a.new.one",))
     named = diagnoses_of(BOTH, {IS_LATE: partly, IS_SHIFTED: undo_trial(left={"F1": 1.0, "F2": 1.0})})
     assert [(d.cause, d.explains) for d in named] == [("time_offset", ("F1",)), ("unknown", ("F2",))]

@@ -52,10 +52,10 @@ def test_colour_of_other_frames_for_a_while_is_undone_there() -> None:
     failure = alarm("images.order.share", OutOfOrderIntervals((0.0, 2.0), False, True, DisplacedFrames(2, 4, 1)))
     fault = next(iter(faults_for("time_offset", "rgb", period_ms, [failure], {}, facts)))
     assert fault == DelayedFrames(1, period_ms, (2, 4), "rgb")
-    undone = fault.undo(facts, memory_sequence()).rows["path/rgb"]
+    restored = fault.undo(facts, memory_sequence()).rows["path/rgb"]
     sequence = memory_sequence()
     stored = np.asarray(sequence.rows("path/rgb", 0, facts.sizes["path/rgb"]))
-    frames = undone(lambda first, last: stored[first:last], 0, len(stored))
+    frames = restored(lambda first, last: stored[first:last], 0, len(stored))
     np.testing.assert_array_equal(frames[2], stored[3])
     # The one that was lost lies between those around it.
     np.testing.assert_allclose(frames[3], (stored[3].astype(float) + stored[4]) / 2, atol=0.5)

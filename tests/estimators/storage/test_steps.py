@@ -63,13 +63,13 @@ def test_constants_give_no_step(values: np.ndarray) -> None:
     assert stored_step(values, with_unknown_steps=True).size == 0.0
 
 
-@pytest.mark.parametrize("known", [True, False], ids=["decimal", "unknown"])
-def test_a_grid_of_seven_tenths_of_the_values_is_no_step(known: bool) -> None:
+@pytest.mark.parametrize(("step", "with_unknown_steps"), [(0.01, False), (0.01234567, True)])
+def test_a_grid_of_seven_tenths_of_the_values_is_no_step(step: float, with_unknown_steps: bool) -> None:
     """Far beyond chance, but the step of a dataset is that of nearly all of its values."""
-    values, step = values_of(0, 10.0), 0.01 if known else 0.01234567
+    values = values_of(0, 10.0)
     on_grid = step * np.rint(values / step)
     on_grid[::10], on_grid[3::10], on_grid[7::10] = values[::10], values[3::10], values[7::10]
-    assert stored_step(on_grid).size == 0.0
+    assert stored_step(on_grid, with_unknown_steps=with_unknown_steps).size == 0.0
 
 
 def test_a_fault_of_a_few_values_leaves_the_step() -> None:
@@ -221,6 +221,6 @@ def test_invalid_depths_leave_the_step(invalid_m: float) -> None:
     """Neither their values nor the edges around them are steps."""
     depths_m = np.rint(1000 * plane_m()) / 1000
     depths_m[::7, ::5] = invalid_m
-    found = depth_step(depths_m)
-    assert found is not None
-    assert found.size_m == pytest.approx(1e-3, rel=0.01)
+    step = depth_step(depths_m)
+    assert step is not None
+    assert step.size_m == pytest.approx(1e-3, rel=0.01)
