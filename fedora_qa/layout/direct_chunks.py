@@ -45,6 +45,7 @@ _HEADER: Final = np.dtype([
 """Of a chunk of Blosc 1 (README_CHUNK_FORMAT of C-Blosc)."""
 
 _WAITING_BYTES: Final = 64 << 20
+_WAITING_CHUNKS: Final = 16
 """Decoded chunks that wait for a thread, or to be written. More are not accepted before the oldest is written."""
 
 _BLOCK_BYTES: Final = 256 << 10
@@ -193,7 +194,8 @@ class ChunkWriter:
         chunk = self._threads.submit(_encoded_chunk, rows, parameters[_LEVEL], parameters[_SHUFFLE])
         self._waiting.append((dataset, start, rows.nbytes, chunk))
         self._waiting_bytes += rows.nbytes
-        while self._waiting_bytes > _WAITING_BYTES or (self._waiting and self._waiting[0][-1].done()):
+        # Not as soon as it is compressed: where a chunk lies in the file must not depend on the speed of threads.
+        while self._waiting_bytes > _WAITING_BYTES or len(self._waiting) > _WAITING_CHUNKS:
             self._write_oldest()
 
     def finish(self) -> None:

@@ -21,9 +21,11 @@ from fedora_generator.sampling import MOTION_BOUND_PX
 from fedora_generator.scene import Scene
 from fedora_generator.streams import create_frames, write_imu_stream, write_pose_stream
 from fedora_generator.surroundings import Surroundings, render_surroundings, surroundings_of
+from fedora_generator.threads import thread_count
 from fedora_generator.write import write_root
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.errors import did_you_mean
+from fedora_qa.layout.direct_chunks import ChunkWriter
 
 RENDERED_STREAMS: Final = frozenset({"rgb", "depth", "events", "flow"})
 """Streams that are images of the world; the others follow from the flight alone."""
@@ -129,7 +131,8 @@ def generate_sequence(
             frames_us = pieces(timestamps_us(duration_us, max(scene.rates.frames_hz, scene.rates.of_depth_hz)))
             path_world_m = np.concatenate([camera.poses_at(flight, times_us)[:, :3, 3] for times_us in frames_us])
             world = render_surroundings(scene, surroundings, request.quality, path_world_m)
-            frames, events = _walk(file, scene, world, duration_us, request, report)
+            with ChunkWriter(thread_count()) as chunks:
+                frames, events = _walk(file, chunks, scene, world, duration_us, request, report)
     return Summary(frames, events, target.stat().st_size)
 
 
@@ -201,10 +204,16 @@ def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: 
 
 
 def _walk(
-    file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, request: Request, progress: Progress
+    file: h5py.File,
+    chunks: ChunkWriter,
+    scene: Scene,
+    world: RenderedWorld,
+    duration_us: int,
+    request: Request,
+    progress: Progress,
 ) -> tuple[int, int]:
     """Render frames and events in the order of time; return the numbers of frames and events."""
-    frames = create_frames(file, scene, world, duration_us, request.streams)
+    frames = create_frames(file, chunks, scene, world, duration_us, request.streams)
     recorder: EventRecorder | None = None
     if "events" in request.streams:
         of_frames = (("rgb", "N", frames.rgb_us), ("depth", "D", frames.depth_us))
@@ -216,6 +225,7 @@ def _walk(
             recorder.run_to(timestamp_us)
         frames.render(timestamp_us)
         progress(timestamp_us)
+    chunks.finish()
     if recorder is None:
         return len(instants_us), 0
     recorder.run_to(duration_us)

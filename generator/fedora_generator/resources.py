@@ -22,6 +22,7 @@ _MB: Final = 1e6
 
 # Bytes a pixel of the colour camera: radiance in float64 thrice (rendered, clipped, rounded) and what is stored of it.
 _COLOUR_BYTES: Final = 80
+_WAITING_BYTES: Final = 128 * _MB  # images that wait to be compressed, and what has been compressed of others
 _DEPTH_BYTES: Final = 40  # inverse depth twice, depth, and flow as it is computed and stored
 _OPENGL_BYTES: Final = 80  # beyond these, of images in the memory of OpenGL and on their way from it
 
@@ -44,7 +45,8 @@ def peak_bytes(scene: Scene, streams: frozenset[str]) -> float:
     frame_bytes = pixels * (max(images, default=0) + (_OPENGL_BYTES if drawn and images else 0))
     pixel_bytes = _event_pixels(scene.camera) * _EVENT_PIXEL_BYTES
     event_bytes = pixel_bytes + _spurious_bytes(scene.camera, scene.events) if "events" in streams else 0.0
-    return frame_bytes + event_bytes + _COMPILED_BYTES + (_DRAWN_BYTES if drawn else 0)
+    waiting_bytes = _WAITING_BYTES if images else 0.0
+    return frame_bytes + waiting_bytes + event_bytes + _COMPILED_BYTES + (_DRAWN_BYTES if drawn else 0)
 
 
 def _event_pixels(camera: CameraOptions) -> int:

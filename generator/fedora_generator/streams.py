@@ -15,13 +15,18 @@ from fedora_generator.imu import Imu, PoseSensor
 from fedora_generator.rates import intervals_us, pieces, rate_text, timestamps_us
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.scene import Scene
+from fedora_generator.threads import in_threads
 from fedora_generator.write import write_camera, write_dataset, write_depth_range, write_flow, write_imu, write_pose
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.layout.create import create_dataset
+from fedora_qa.layout.direct_chunks import ChunkWriter
 
 Floats = NDArray[np.float64]
 
 DN_MAX: Final = 255
+
+_LEVEL: Final = 3
+"""Of compression. With 5, files of 1440x1080 are 1.5% smaller, and compression takes 1.8 times as long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +53,8 @@ class FrameRenderer:
     rgb_us: NDArray[np.int64]
     depth_us: NDArray[np.int64]
     """(n,) timestamps of colour and depth."""
+    chunks: ChunkWriter
+    """Compresses images while the next ones are rendered."""
 
     @property
     def instants_us(self) -> NDArray[np.int64]:
@@ -67,20 +74,24 @@ class FrameRenderer:
         camera, world = colour_camera(self.scene.camera), self.world.at(timestamp_us)
         T_world_camera = camera.pose_at(self.flight, timestamp_us)
         if self.rgb is not None and rgb_row is not None:
-            self.rgb[rgb_row] = as_8_bit(world.rgb_dn(camera, T_world_camera))
+            self._write(self.rgb, rgb_row, as_8_bit(world.rgb_dn(camera, T_world_camera)))
         if not needs_depth:
             return
         inverse_depth = in_range(world.inverse_depth_per_m(camera, T_world_camera), self.scene.depth_range_m)
         if self.depth is not None and depth_row is not None:
-            self.depth[depth_row] = depth_mm(inverse_depth)
+            self._write(self.depth, depth_row, depth_mm(inverse_depth))
         if starting:
             bodies = world.visible_bodies(camera, T_world_camera)
             for rows, k in starting:
                 end_us = int(rows.intervals_us[k, 1])
                 poses, times_us = (T_world_camera, camera.pose_at(self.flight, end_us)), (timestamp_us, end_us)
-                rows.flow[k] = scene_flow_px(world, camera, inverse_depth, bodies, poses, times_us)
+                self._write(rows.flow, k, scene_flow_px(world, camera, inverse_depth, bodies, poses, times_us))
                 if rows.moving is not None:
-                    rows.moving[k] = bodies > 0
+                    self._write(rows.moving, k, (bodies > 0).astype(np.uint8))
+
+    def _write(self, dataset: h5py.Dataset, row: int, image: NDArray[np.generic]) -> None:
+        """Write an image, which is a chunk, in the type of its dataset; it must not be changed afterwards."""
+        self.chunks.write(dataset, row, image[np.newaxis])
 
 
 def _row_at(times_us: NDArray[np.int64], time_us: int) -> int | None:
@@ -91,7 +102,14 @@ def _row_at(times_us: NDArray[np.int64], time_us: int) -> int | None:
 
 def as_8_bit(radiance_dn: Floats) -> NDArray[np.uint8]:
     """``rint(clip(Y))``: what the frame stores of linear radiance."""
-    return np.rint(np.clip(radiance_dn, 0, DN_MAX)).astype(np.uint8)
+    codes = np.empty(radiance_dn.shape, np.uint8)
+
+    def fill(_: int, first: int, stop: int) -> None:
+        rows_dn = np.clip(radiance_dn[first:stop], 0, DN_MAX)
+        codes[first:stop] = np.rint(rows_dn, out=rows_dn)
+
+    in_threads(fill, len(codes))
+    return codes
 
 
 def in_range(inverse_depth_per_m: Floats, depth_range_m: tuple[float, float]) -> Floats:
@@ -106,12 +124,23 @@ def in_range(inverse_depth_per_m: Floats, depth_range_m: tuple[float, float]) ->
 
 def depth_mm(inverse_depth_per_m: Floats) -> NDArray[np.float32]:
     """Z-depth in millimetres as the file stores it; NaN stays NaN, and the sky (0) is at infinity."""
-    with np.errstate(divide="ignore", over="ignore"):
-        return (MM_PER_M / inverse_depth_per_m).astype(np.float32)
+    z_mm = np.empty(inverse_depth_per_m.shape, np.float32)
+
+    def fill(_: int, first: int, stop: int) -> None:
+        with np.errstate(divide="ignore", over="ignore"):
+            z_mm[first:stop] = MM_PER_M / inverse_depth_per_m[first:stop]
+
+    in_threads(fill, len(z_mm))
+    return z_mm
 
 
 def create_frames(
-    file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, streams: frozenset[str]
+    file: h5py.File,
+    chunks: ChunkWriter,
+    scene: Scene,
+    world: RenderedWorld,
+    duration_us: int,
+    streams: frozenset[str],
 ) -> FrameRenderer:
     """Create the datasets and metadata of the image streams among ``streams``.
 
@@ -119,6 +148,8 @@ def create_frames(
     ----------
     file
         An open file without these streams.
+    chunks
+        Writes the images. Its caller finishes it.
     scene
         Its camera, flight and depth range.
     duration_us
@@ -131,12 +162,12 @@ def create_frames(
     size = {"H": camera.height, "W": camera.width, "H_rgb": camera.height, "W_rgb": camera.width}
     rgb = depth = None
     if "rgb" in streams:
-        rgb = create_dataset(file, "path/rgb", {"N": len(rgb_us), **size})
+        rgb = create_dataset(file, "path/rgb", {"N": len(rgb_us), **size}, level=_LEVEL)
         rgb.attrs["transfer"] = "linear"
         write_dataset(file, "path/rgb_ts", rgb_us, N=len(rgb_us))
         write_camera(file, "rgb", camera)
     if "depth" in streams:
-        depth = create_dataset(file, "path/depth", {"D": len(depth_us), **size})
+        depth = create_dataset(file, "path/depth", {"D": len(depth_us), **size}, level=_LEVEL)
         write_dataset(file, "path/depth_ts", depth_us, D=len(depth_us))
         write_camera(file, "depth", camera)
         write_depth_range(file, scene)
@@ -146,11 +177,11 @@ def create_frames(
         for rate_hz in rates.flow_hz:
             intervals, rate = intervals_us(duration_us, rate_hz), rate_text(rate_hz)
             key, count = f"path/flow/{rate}hz", {f"K{rate}": len(intervals)}
-            field = create_dataset(file, key, {**count, **size})
-            moving = create_dataset(file, f"{key}_moving", {**count, **size}) if world.moves else None
+            field = create_dataset(file, key, {**count, **size}, level=_LEVEL)
+            moving = create_dataset(file, f"{key}_moving", {**count, **size}, level=_LEVEL) if world.moves else None
             flow.append(FlowRows(intervals, field, moving))
             write_dataset(file, f"{key}_ts", intervals, **count)
-    return FrameRenderer(scene, world, scene.fly(), rgb, depth, tuple(flow), rgb_us, depth_us)
+    return FrameRenderer(scene, world, scene.fly(), rgb, depth, tuple(flow), rgb_us, depth_us, chunks)
 
 
 def write_imu_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.random.SeedSequence) -> None:
