@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.events.block_means import LEAST_LIGHT, add_events_beyond, event_blocks, level_blocks
+from fedora_qa.estimators.events.block_means import add_events_beyond, event_blocks, level_blocks
 from fedora_qa.estimators.events.orientation import ChangeMoments, implied_moments, span_moments, step_moments
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import ResampledFrames, resampled_frames
+from fedora_qa.views.event_camera import ResampledFrames, resampled_frames, signal_of
 from fedora_qa.views.sensor_events import GRID, all_events, sensor_events, sensor_shape
 
 Float64 = NDArray[np.float64]
@@ -74,26 +74,19 @@ def _block_moments(window: Window) -> BlockMoments | None:
     # Between two frames there is but one step.
     span = ChangeMoments(steps[0].sum(axis=0)) if len(steps) == 1 else span_moments(levels, events)
     stride = -(-max(resampled.error_dn.shape[1:]) // _GRID_PIXELS)
-    of_grid = np.stack([_signal(frame, response) for frame in _frames(resampled, stride)])
+    of_grid = np.stack([_known_signal(resampled, response, number, stride) for number in range(len(resampled))])
     extremes = np.stack([of_grid[0], of_grid.min(axis=0), of_grid.max(axis=0)]).reshape(3, -1)
-    first, *_, last = _frames(resampled, 1)
-    change = _signal(last, response) - _signal(first, response)
+    change = _known_signal(resampled, response, len(resampled) - 1) - _known_signal(resampled, response, 0)
     implied = implied_moments(change, response.threshold_on, response.threshold_off)
     return BlockMoments(resampled.frames, steps, span, implied, extremes)
 
 
-def _frames(resampled: ResampledFrames, stride: int) -> list[tuple[Float64, Float64]]:
-    """Return light and the bound of its error of each frame, DN, at every ``stride``-th pixel of both axes."""
-    both = (dn[:, ::stride, ::stride] for dn in (resampled.uniform_dn, resampled.error_dn))
-    return list(zip(*both, strict=True))
-
-
-def _signal(frame: tuple[Float64, Float64], response: EventModel) -> Float64:
-    """Return ln(light + dark), or the light in the linear model; NaN where it is not above twice its error."""
-    light, error = (values.astype(np.float64) for values in frame)
-    signal = light if response.model == "linear" else np.log(np.maximum(light + response.log_eps_dn, LEAST_LIGHT))
-    of_pixels: Float64 = np.where(light > 2 * error, signal, np.nan)
-    return of_pixels
+def _known_signal(
+    resampled: ResampledFrames, response: EventModel, number: int, stride: int = 1
+) -> NDArray[np.float32]:
+    """Return the signal of a frame at every ``stride``-th pixel along both axes; NaN where it is not known."""
+    levels, lit = signal_of(resampled, response, number, stride)
+    return np.where(lit, levels, np.float32(np.nan))
 
 
 def _level_blocks(window: Window, frame: int) -> NDArray[np.float64]:

@@ -171,9 +171,9 @@ def signal(resampled: ResampledFrames, declared: EventModel) -> tuple[NDArray[np
 
 
 def signal_of(
-    resampled: ResampledFrames, declared: EventModel, frame: int
+    resampled: ResampledFrames, declared: EventModel, frame: int, stride: int = 1
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return ``signal`` of one frame (h, w).
+    """Return ``signal`` of one frame (h, w), or of every ``stride``-th pixel along both axes.
 
     Parameters
     ----------
@@ -183,6 +183,8 @@ def signal_of(
         The model, ``log`` or ``linear``.
     frame
         Number of the frame among those of the window, 0 to n - 1.
+    stride
+        Distance of the pixels, px.
 
     Returns
     -------
@@ -191,7 +193,7 @@ def signal_of(
     lit
         (h, w).
     """
-    uniform_dn, error_dn = resampled.uniform_dn[frame], resampled.error_dn[frame]
+    uniform_dn, error_dn = (dn[frame, ::stride, ::stride] for dn in (resampled.uniform_dn, resampled.error_dn))
     return _levels(uniform_dn, declared), np.greater(uniform_dn, 2 * error_dn)
 
 

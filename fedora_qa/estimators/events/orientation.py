@@ -124,7 +124,7 @@ def transformation(orientation: int) -> tuple[bool, tuple[bool, bool, bool]]:
     return orientation < count, SYMMETRIES[orientation if orientation < count else orientation - count + 1]
 
 
-def implied_moments(change: Float64, threshold_on: float, threshold_off: float) -> ChangeMoments:
+def implied_moments(change: NDArray[np.floating], threshold_on: float, threshold_off: float) -> ChangeMoments:
     """Return moments of the change of the signal and of the events that it implies where pixels start at a reference.
 
     Parameters
@@ -140,13 +140,14 @@ def implied_moments(change: Float64, threshold_on: float, threshold_off: float) 
         One row, of the blocks all of whose pixels are known.
     """
     # A pixel has an event for each whole threshold by which its level has left the reference.
-    events = np.where(
-        change > 0, threshold_on * np.floor(change / threshold_on), -threshold_off * np.floor(-change / threshold_off)
-    )
+    threshold = np.where(change > 0, change.dtype.type(threshold_on), change.dtype.type(threshold_off))
+    events = threshold * np.trunc(change / threshold)
     side, (rows, columns) = block_grid(change.shape)
     top, left = (change.shape[0] - rows * side) // 2, (change.shape[1] - columns * side) // 2
     inside = np.stack([change, events])[:, top : top + rows * side, left : left + columns * side]
-    blocks = inside.reshape(2, rows, side, columns, side).mean(axis=(2, 4)).reshape(2, -1)
+    # Rows before columns: sums along whole rows of pixels are ten times as fast as those of blocks at once.
+    bands = inside.reshape(2, rows, side, -1).sum(axis=2)
+    blocks = bands.reshape(2, rows * columns, side).sum(axis=2, dtype=np.float64) / side**2
     d, e = blocks[:, np.isfinite(blocks[0])]
     return ChangeMoments(np.array([[d.size, d.sum(), e.sum(), d @ d, e @ e, d @ e]]))
 
