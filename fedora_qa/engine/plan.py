@@ -25,7 +25,7 @@ from fedora_qa.sequence.window import USUAL_PIXELS, Sampling, Span
 WINDOW_NS: Final = NS_PER_S // 5
 """0.2 s: the least time in which flow of 10, 25 and 50 Hz all complete whole intervals."""
 
-_MOST_WINDOW_BYTES: Final = 64 << 20
+_MOST_WINDOW_BYTES: Final = 128 << 20
 """Most bytes of images in a window. Every check reads them, one check after another, so that all should be held."""
 
 # 0.02 s, the interval of flow at 50 Hz.
@@ -130,7 +130,7 @@ def sampling_of(effort: Effort, pixels: int | None) -> Sampling:
 
 
 def window_length_ns(sequence: SequenceRows) -> int:
-    """Return the length of the windows: 0.2 s, halved while the images of one would exceed 64 MiB.
+    """Return the length of the windows: 0.2 s, halved while the images of one would exceed 128 MiB.
 
     It follows from the file alone and not from the workers, so that results do not depend on them.
     """
