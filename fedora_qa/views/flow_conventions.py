@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from fedora_qa.conventions import MM_PER_M, MS_PER_S, R_BODY_OPTICAL
 from fedora_qa.estimators.flow.motion_fit import FlowSample, fit_motion
@@ -448,6 +447,8 @@ def _turned_mounting(track: PoseTrack, interval: Interval, sample: FlowSample) -
     body, camera = vectors / lengths[..., None]
     if np.linalg.norm(np.cross(*body)) < _LEAST_MOTION or abs(body[0] @ body[1] - camera[0] @ camera[1]) > _SAME_MOTION:
         return None
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - seldom needed, and loads all of scipy.spatial
+
     R_body_camera, _ = Rotation.align_vectors(body, camera)
     T_body_camera = in_body.copy()
     T_body_camera[:3, :3] = R_body_camera.as_matrix()

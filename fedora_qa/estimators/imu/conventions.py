@@ -15,7 +15,6 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.imu.samples import InertialSamples
@@ -252,6 +251,8 @@ def _turn(vectors: Float64, turned: Float64, variance: float) -> list[Axes]:
     of_axes = np.linalg.eigvalsh(vectors.T @ vectors / len(vectors))
     if not np.isfinite(turned).all() or not of_axes[1] > _LARGEST_RESIDUAL * variance:
         return []
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - seldom needed, and loads all of scipy.spatial
+
     with catch_warnings():
         simplefilter("ignore")  # of a rotation that is not unique, which the condition above excludes
         rotation, _ = Rotation.align_vectors(turned, vectors)
