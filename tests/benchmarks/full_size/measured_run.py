@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -47,12 +48,13 @@ def run_measured(command: Sequence[str], threads: int = 1) -> Run:
     spent_s: dict[int, float] = {}
     with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         peak = 0
-        while process.poll() is None:
+        while process.returncode is None:
             processes = _processes(process.pid)
             peak = max(peak, sum(map(_proportional_bytes, processes)))
             for each in processes:
                 spent_s[each.pid] = max(spent_s.get(each.pid, 0.0), _cpu_s(each))
-            time.sleep(_EVERY_S)
+            with suppress(subprocess.TimeoutExpired):  # it still runs
+                process.wait(_EVERY_S)
     cpu_s = max(sum(spent_s.values()), _cpu_of_children_s() - began_cpu)
     return Run(process.returncode, time.perf_counter() - began, cpu_s, peak)
 
