@@ -170,7 +170,7 @@ def _require_whole(path: Path, content: bytes, offsets_at: range) -> None:
         try:
             (offset,) = struct.unpack_from("<Q", content, place)
             (size,) = struct.unpack_from("<I", content, offset + 4)
-        except struct.error:
+        except (struct.error, OverflowError):  # an offset of 2^63 or more is no index
             offset, size = len(content), 0
         if not place < offset <= len(content) - 8 - size:
             raise SourceError(
