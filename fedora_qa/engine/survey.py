@@ -32,8 +32,8 @@ from fedora_qa.views.storage_steps import stored_steps
 
 _EXPECTED_BYTES_PER_PIXEL: Final = 130
 """Bytes that a process holds beside leased arrays, for each pixel of a frame: states of checks, temporary arrays of one
-check, views of a window. With it two processes take 1.49 to 1.60 GB of 1.4 GB, and 1.10 GB of 1 GB, for 8 s of 1440x1080; with
-90, 1.57 and 1.25 GB, with 150, 1.45 and 1.05 GB, but they decode a fifth more, and twice as much."""
+check, views of a window. With it two processes take 1.49 to 1.60 GB of 1.4 GB, and 1.10 GB of 1 GB, for 8 s of
+1440x1080; with 90, 1.57 and 1.25 GB; with 150, 1.45 and 1.05 GB, but they decode a fifth more, and twice as much."""
 
 _LEAST_LEASED_SHARE: Final = 0.25
 """Share of the memory that leased arrays may always fill."""
