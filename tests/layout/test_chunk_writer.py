@@ -1,5 +1,6 @@
 """Chunks that threads compress are what HDF5 would have stored, in the order in which they are given."""
 
+import time
 from pathlib import Path
 
 import h5py
@@ -53,6 +54,31 @@ def test_more_than_may_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
             chunks.write(depth, row, depth_mm[row : row + 1])
         chunks.finish()
         np.testing.assert_array_equal(depth[:], depth_mm)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.05])
+def test_places_do_not_depend_on_the_speed_of_threads(
+    delay_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Chunks that are compressed late lie where those lie that are compressed before the next dataset is written."""
+
+    def encoded(rows: np.ndarray, level: int, shuffle: int) -> bytes:
+        time.sleep(delay_s)
+        return rows.tobytes()
+
+    monkeypatch.setattr("fedora_qa.layout.direct_chunks._encoded_chunk", encoded)
+    depth_mm = rows_of((6, 30, 41), np.dtype(np.float32), 3)
+    with h5py.File(tmp_path / "a.h5", "w") as file, ChunkWriter(2) as chunks:
+        depth = create_dataset(file, "path/depth", {**SIZES, "D": len(depth_mm)})
+        for row in range(len(depth_mm)):
+            chunks.write(depth, row, depth_mm[row : row + 1])
+            time.sleep(0.01)
+            file.create_dataset(f"other/{row}", data=depth_mm[row])
+        chunks.finish()
+        first, *later = (depth.id.get_chunk_info(row).byte_offset for row in range(len(depth_mm)))
+        # Neighbours in the file: all were written behind the last of the other datasets.
+        assert later == [first + number * depth_mm[0].nbytes for number in range(1, len(depth_mm))]
+        assert first > max(file[f"other/{row}"].id.get_offset() for row in range(len(depth_mm)))
 
 
 @given(

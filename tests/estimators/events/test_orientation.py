@@ -108,6 +108,9 @@ def test_implied_events_are_whole_thresholds_of_the_change(size: float) -> None:
     d, e = block_means(change).ravel()[1:], block_means(events).ravel()[1:]
     due = [[len(d), d.sum(), e.sum(), d @ d, e @ e, d @ e]]
     np.testing.assert_allclose(implied_moments(unknown, 0.2, 0.3).sums, due, atol=1e-9)
+    single = implied_moments(unknown.astype(np.float32), 0.2, 0.3)
+    # Values of a block err by less than 1e-6 of the largest change, and products by its square.
+    np.testing.assert_allclose(single.sums, due, atol=1e-6 * len(d) * max(size, 1.0) ** 2)
     assert (implied_moments(change, 0.2, 0.3).correlations()[0] > 0.9) == (size > 0.2)
     assert (implied_moments(change, 0.2, 0.3).correlations()[0] == 0) == (size < 0.2)
 
